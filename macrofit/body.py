@@ -1,0 +1,246 @@
+"""A body: its elements, its supports, and its compliance condensed on the contact line.
+
+Vectors on trace nodes are component-major: the r components of all nodes, then the z components. The trace nodes
+are those of the contact line, in ascending coordinate, followed (on the seat, for Nitsche) by the other nodes of the
+adjacent cells, which the traction of the bulk stress depends on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+
+from .elasticity import weak_form
+from .errors import MeshError
+from .fenics import Discretisation, Factor, discretise, schur_complement
+from .geometry import FloatArray, Generatrix, draw, polyline
+from .material import Material
+from .mesh import IntArray, mesh_drawing, read_mesh
+from .scene import Drawn, Scene
+
+SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
+
+
+@dataclass(frozen=True)
+class ContactLine:
+    """A contact line of f facets and what its interface operators need of the bulk behind it."""
+
+    order: int
+    radial: bool  # True: the gap is radial, the coordinate is z; False: axial, r
+    generatrix: Generatrix
+    nodes: FloatArray  # (f order + 1, 2) points (r, z) [mm]
+    normals: FloatArray  # (f, 2) outward unit normal (n_r, n_z)
+    corners: FloatArray  # (f, 3, 2) vertices of the adjacent cell [mm]
+    ends: IntArray  # (f, 2) local vertices of that cell where the facet starts and ends
+    cells: IntArray  # (f, b) trace nodes of the adjacent cell
+    trace_nodes: int
+    material: Material
+
+    @property
+    def facets(self) -> int:
+        """Number of facets f."""
+        return len(self.normals)
+
+    @property
+    def coordinate(self) -> FloatArray:
+        """(f + 1,) coordinates of the facet ends [mm]."""
+        return self.nodes[:: self.order, 1 if self.radial else 0]
+
+    @property
+    def height(self) -> FloatArray:
+        """(f + 1,) heights of the facet ends [mm]."""
+        return self.nodes[:: self.order, 0 if self.radial else 1]
+
+    @property
+    def radius(self) -> FloatArray:
+        """(f + 1,) distances of the facet ends from the axis [mm]."""
+        return self.nodes[:: self.order, 0]
+
+    @property
+    def length(self) -> FloatArray:
+        """(f,) lengths of the facets [mm]."""
+        ends = self.nodes[:: self.order]
+        return np.asarray(np.hypot(*(ends[1:] - ends[:-1]).T))
+
+
+@dataclass(frozen=True)
+class CondensedBody:
+    """What the interface problem knows of a body: u = compliance @ load on its trace nodes."""
+
+    line: ContactLine
+    compliance: FloatArray  # (2 trace nodes, 2 loaded nodes) [mm/N]
+    dofs: int
+    factorisations: int
+
+
+class Body:
+    """One elastic body on this rank."""
+
+    def __init__(self, scene: Scene, which: str) -> None:
+        """Mesh, assemble and support the ``which`` ("axle" or "wheel") of a scene.
+
+        Raises MeshError where a file has no usable contact line.
+        """
+        self.which = which
+        contact = "seat" if which == "axle" else "bore"
+        spec = scene.axle if which == "axle" else scene.wheel
+        self.material = spec.material
+        keys = scene.mesh
+        if isinstance(spec, Drawn):
+            data = read_mesh(str(getattr(keys, which)), which)
+            generatrix = None
+        else:
+            facet = keys.seat_facet if which == "axle" else (keys.bore_facet or 0.97 * keys.seat_facet)
+            drawing = draw(spec, contact, facet)
+            data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
+        moduli = (self.material.lame_lambda, self.material.shear_modulus)
+        self.space = discretise(data, keys.order, weak_form, moduli)
+        self.line, self.trace = _contact_line(
+            self.space, contact, which, generatrix, self.material,
+            radial=scene.direction == "radial",
+            with_cells=which == "axle" and scene.contact.formulation == "nitsche",
+        )
+        supported = np.zeros(len(self.space.nodes) * 2, dtype=bool)
+        for name, component in SUPPORTS:
+            if name in self.space.edges:
+                supported[2 * self.space.edge_nodes(name).ravel() + component] = True
+        self.free = np.flatnonzero(~supported)
+        self.stabilisation: sp.csr_matrix | None = None
+        self.factorisations = 0
+        self.back_substitutions = 0
+        self._factor: Factor | None = None
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of the body, supports included."""
+        return 2 * len(self.space.nodes)
+
+    @property
+    def trace_dofs(self) -> IntArray:
+        """Degrees of freedom of the trace nodes, component-major."""
+        return np.concatenate([2 * self.trace, 2 * self.trace + 1])
+
+    @property
+    def stiffness(self) -> sp.csr_matrix:
+        """K, with the stabilisation of the contact formulation where there is one."""
+        if self.stabilisation is None:
+            return self.space.stiffness
+        dofs = self.trace_dofs
+        entries = self.stabilisation.tocoo()
+        shape = self.space.stiffness.shape
+        extra = sp.csr_matrix((entries.data, (dofs[entries.row], dofs[entries.col])), shape=shape)
+        return (self.space.stiffness + extra).tocsr()
+
+    def condense(self, *, load_trace: bool) -> CondensedBody:
+        """Eliminate the bulk: one factorisation, no right-hand side.
+
+        The Schur complement on the trace is split in the loaded nodes c and the rest o:
+        C_cc = (S_cc - S_co S_oo^-1 S_oc)^-1 and C_oc = -S_oo^-1 S_oc C_cc.
+        With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
+        """
+        lines = len(self.line.nodes)
+        loaded = len(self.trace) if load_trace else lines
+        position = np.full(self.dofs, -1, dtype=np.int64)
+        position[self.free] = np.arange(len(self.free))
+        place = position[self.trace_dofs].reshape(2, -1)
+        c = place[:, :loaded].ravel()
+        o = place[:, loaded:].ravel()
+        free_c, free_o = np.flatnonzero(c >= 0), np.flatnonzero(o >= 0)
+        matrix = self.stiffness[self.free][:, self.free]
+        schur = schur_complement(matrix, np.concatenate([o[free_o], c[free_c]]))
+        self.factorisations += 1
+        n = len(free_o)
+        blocks = np.zeros((2, len(self.trace), 2 * loaded))
+        inverse = schur[n:, n:]
+        if n:
+            coupling = sla.cho_solve(sla.cho_factor(schur[:n, :n], lower=True), schur[:n, n:])
+            inverse = inverse - schur[n:, :n] @ coupling
+        inverse = _spd_inverse(inverse, self.which)
+        full = np.zeros((2 * loaded, 2 * loaded))
+        full[np.ix_(free_c, free_c)] = inverse
+        blocks[:, :loaded] = full.reshape(2, loaded, -1)
+        if n:
+            rest = np.zeros((2 * (len(self.trace) - loaded), 2 * loaded))
+            rest[np.ix_(free_o, free_c)] = -coupling @ inverse
+            blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
+        return CondensedBody(
+            self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations
+        )
+
+    def back_substitute(self, loads: FloatArray) -> FloatArray:
+        """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
+        if self._factor is None:
+            self._factor = Factor(self.stiffness[self.free][:, self.free], symmetric=True)
+            self.factorisations += 1
+        loaded = loads.shape[0] // 2
+        dofs = self.trace_dofs.reshape(2, -1)[:, :loaded].ravel()
+        rhs = np.zeros((self.dofs, loads.shape[1]))
+        rhs[dofs] = loads
+        out = np.zeros_like(rhs)
+        out[self.free] = self._factor.solve(rhs[self.free])
+        self.back_substitutions += loads.shape[1]
+        return out
+
+    def reaction(self, displacement: FloatArray) -> FloatArray:
+        """Axial force [N] of the support ("held" or "pushed") on the body, for displacements (dofs, k)."""
+        name = "held" if self.which == "axle" else "pushed"
+        rows = 2 * np.unique(self.space.edge_nodes(name)) + 1
+        return np.asarray((self.space.stiffness[rows] @ displacement).sum(axis=0))
+
+
+def _spd_inverse(matrix: FloatArray, which: str) -> FloatArray:
+    """Inverse of a symmetric positive definite matrix.
+
+    Raises MeshError where it is not definite: the body can move freely, or theta / gamma0 took its coercivity.
+    """
+    factor, info = sla.lapack.dpotrf(matrix, lower=1)
+    if info != 0:
+        raise MeshError(
+            f"the stiffness of the {which} is not positive definite: check its supports, "
+            f"or raise contact.gamma0 (theta = 1 needs about 10)"
+        )
+    inverse, _ = sla.lapack.dpotri(factor, lower=1)
+    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
+
+
+def _contact_line(
+    space: Discretisation, contact: str, which: str, generatrix: Generatrix | None, material: Material,
+    *, radial: bool, with_cells: bool,
+) -> tuple[ContactLine, IntArray]:
+    """Order the facets by coordinate, and number the trace nodes."""
+    axis = 1 if radial else 0
+    cell, a, b = space.edges[contact].T
+    along = space.nodes[space.cells[cell, b], axis] - space.nodes[space.cells[cell, a], axis]
+    if (np.abs(along) < 1e-12).any():
+        raise MeshError(f"mesh.{which}: a facet of '{contact}' is perpendicular to the contact line; "
+                        f"'{contact}' must be a graph over {'z' if radial else 'r'}")
+    a, b = np.where(along > 0.0, a, b), np.where(along > 0.0, b, a)
+    order = np.argsort(space.nodes[space.cells[cell, a], axis], kind="stable")
+    cell, a, b = cell[order], a[order], b[order]
+    first, last = space.cells[cell, a], space.cells[cell, b]
+    if (first[1:] != last[:-1]).any():
+        raise MeshError(f"mesh.{which}: '{contact}' is not one connected line without branches")
+    chain = np.append(first, last[-1])
+    if space.order == 2:
+        chain = np.insert(chain, np.arange(1, len(chain)), space.cells[cell, 3 + (3 - a - b)])
+    others = np.setdiff1d(space.cells[cell], chain) if with_cells else np.empty(0, dtype=np.int64)
+    trace = np.concatenate([chain, others])
+    number = np.full(len(space.nodes), -1, dtype=np.int64)
+    number[trace] = np.arange(len(trace))
+    corners = space.nodes[space.cells[cell, :3]]
+    start, end = space.nodes[first], space.nodes[last]
+    tangent = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    normals = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    inward = np.einsum("fi,fi->f", normals, corners.mean(axis=1) - start) > 0.0
+    normals[inward] *= -1.0
+    if generatrix is None:
+        ends = np.append(start, end[-1:], axis=0)
+        generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
+    line = ContactLine(
+        space.order, radial, generatrix, space.nodes[chain], normals, corners,
+        np.stack([a, b], axis=1), number[space.cells[cell]], len(trace), material,
+    )
+    return line, trace

@@ -1,0 +1,139 @@
+"""The test that every friction provider has to pass; a plugin's own test is three lines that call `check`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from macrofit.errors import ProviderError
+from macrofit.friction.answer import checked_answer, declared_dependence
+from macrofit.friction.contract import QUANTITIES, FloatArray, FrictionProvider, TilePairs
+
+BATCH_TOLERANCE = 1e-6
+"""How far the make-up of a batch may move a coefficient: the rounding of a single-precision network [-]."""
+
+PRESSURE_RANGE = (1.0, 400.0)
+"""Pressures asked about [MPa]."""
+
+SLIDING_RANGE = (0.0, 200.0)
+"""Slid distances asked about [mm]."""
+
+
+class ConformanceError(ProviderError):
+    """A provider that does not keep the friction contract."""
+
+
+def check(
+    provider: FrictionProvider,
+    seat_tiles: int = 8,
+    bore_tiles: int = 8,
+    seed: int = 0,
+    *,
+    batch: int = 12,
+    tolerance: float = BATCH_TOLERANCE,
+) -> None:
+    """Hold a provider to the contract; silent when it keeps it.
+
+    Checked: `depends_on` is valid and honest (what it does not list changes nothing), an empty batch gets an
+    empty answer, shape and bounds, inputs left as they were, the same answer when asked again (to the bit),
+    and answers that depend neither on the order of the batch nor on what else is in it (within `tolerance`).
+
+    Args:
+        provider: the provider to check; asked about ten batches, and about each pair alone.
+        seat_tiles: tiles 0 .. seat_tiles - 1 of the seat are asked about.
+        bore_tiles: the same for the bore.
+        seed: of the random pairs.
+        batch: pairs in a batch, at least 2.
+        tolerance: largest change of a coefficient with the make-up of the batch [-]; 0: equal to the bit.
+
+    Raises:
+        ConformanceError: the first rule that is broken, in one line.
+    """
+    name = type(provider).__name__
+    try:
+        depends_on = declared_dependence(provider, name)
+    except ProviderError as error:
+        raise ConformanceError(str(error)) from error
+    rng = np.random.default_rng(seed)
+    pairs = _random_pairs(rng, seat_tiles, bore_tiles, batch)
+    _asked(provider, pairs.take(np.empty(0, dtype=np.int64)), "an empty batch")
+    answer = _asked(provider, pairs, "a batch")
+    again = _asked(provider, pairs, "a batch for the second time")
+    _same(pairs, answer, again, 0.0, f"{name} is not deterministic: the same batch asked twice")
+    _check_make_up(provider, pairs, answer, rng, tolerance)
+    _check_honesty(provider, pairs, answer, depends_on, (seat_tiles, bore_tiles), rng)
+
+
+def _random_pairs(rng: np.random.Generator, seat_tiles: int, bore_tiles: int, batch: int) -> TilePairs:
+    """Random pairs; the first and the last tile of each body are always among them."""
+    seat, bore = rng.integers(seat_tiles, size=batch), rng.integers(bore_tiles, size=batch)
+    seat[:2], bore[:2] = (0, seat_tiles - 1), (bore_tiles - 1, 0)
+    return TilePairs(seat, bore, rng.uniform(*PRESSURE_RANGE, batch), rng.uniform(*SLIDING_RANGE, batch))
+
+
+def _check_make_up(
+    provider: FrictionProvider,
+    pairs: TilePairs,
+    answer: FloatArray,
+    rng: np.random.Generator,
+    tolerance: float,
+) -> None:
+    """Neither the order of a batch nor the company in it may matter."""
+    name = type(provider).__name__
+    backwards = np.arange(answer.size)[::-1]
+    for order in (backwards, rng.permutation(answer.size)):
+        shuffled = pairs.take(order)
+        mixed = _asked(provider, shuffled, "a batch in another order")
+        _same(shuffled, answer[order], mixed, tolerance, f"{name} depends on the order of the batch")
+    alone = [_asked(provider, pairs.take(np.array([i])), "one pair")[0] for i in range(answer.size)]
+    _same(pairs, answer, np.array(alone), tolerance, f"{name} depends on the other pairs of the batch")
+
+
+def _check_honesty(
+    provider: FrictionProvider,
+    pairs: TilePairs,
+    answer: FloatArray,
+    depends_on: frozenset[str],
+    tiles: tuple[int, int],
+    rng: np.random.Generator,
+) -> None:
+    """What `depends_on` does not list must change nothing."""
+    other = _random_pairs(rng, *tiles, answer.size)
+    seat, bore = (pairs.seat + 1) % tiles[0], (pairs.bore + 1) % tiles[1]
+    changes = {
+        "tiles": [pairs._replace(seat=seat), pairs._replace(bore=bore), pairs._replace(seat=other.seat)],
+        "pressure": [pairs._replace(pressure=0.0 * pairs.pressure), pairs._replace(pressure=other.pressure)],
+        "sliding": [pairs._replace(sliding=0.0 * pairs.sliding), pairs._replace(sliding=other.sliding)],
+    }
+    for quantity in sorted(QUANTITIES - depends_on):
+        for changed in changes[quantity]:
+            moved = _asked(provider, changed, f"a batch with other {quantity}")
+            rule = f"{type(provider).__name__} depends on {quantity}, which its depends_on does not list"
+            _same(changed, answer, moved, 0.0, rule)
+
+
+def _asked(provider: FrictionProvider, pairs: TilePairs, what: str) -> FloatArray:
+    """The checked answer to a copy of the batch, which must come back as it was."""
+    name = type(provider).__name__
+    who = f"{name}, asked about {what},"
+    given = pairs.take(np.arange(pairs.seat.size))
+    try:
+        answer = provider.coefficients(given)
+    except Exception as error:
+        raise ConformanceError(f"{who} raised {type(error).__name__}: {error}") from error
+    for field, before, after in zip(TilePairs._fields, pairs, given, strict=True):
+        if not np.array_equal(before, after):
+            raise ConformanceError(f"{who} modified its input {field!r}")
+    try:
+        return checked_answer(answer, pairs, name)
+    except ProviderError as error:
+        raise ConformanceError(f"asked about {what}: {error}") from error
+
+
+def _same(pairs: TilePairs, expected: FloatArray, found: FloatArray, tolerance: float, rule: str) -> None:
+    difference = np.abs(found - expected)
+    if difference.max(initial=0.0) > tolerance:
+        i = int(np.argmax(difference))
+        raise ConformanceError(
+            f"{rule}: seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} "
+            f"got {expected[i]!r}, then {found[i]!r}"
+        )

@@ -1,0 +1,90 @@
+"""The friction contract: what the solver asks of a source of friction, and what it gives it to answer with.
+
+The seat of the axle and the bore of the wheel are cut into tiles of one length. A provider gives the
+coefficient of friction of a pair of tiles, one of each body. Where the coefficient comes from (a number, a
+table, a discrete model of two rough surfaces, a network) is the provider's own affair.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, TypeAlias
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+IntArray: TypeAlias = npt.NDArray[np.int64]
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+QUANTITIES = frozenset({"tiles", "pressure", "sliding"})
+"""What a coefficient may depend on."""
+
+LIMIT = 2.0
+"""A coefficient of friction mu is accepted when 0 <= mu < LIMIT [-]."""
+
+
+class TilePairs(NamedTuple):
+    """A batch of n pairs of facing tiles: four arrays of shape (n,)."""
+
+    seat: IntArray
+    """Tile number on the axle's seat, counted from its entrance."""
+    bore: IntArray
+    """Tile number on the wheel's bore, counted from its leading edge."""
+    pressure: FloatArray
+    """Mean contact pressure of the pair at the last accepted increment [MPa]."""
+    sliding: FloatArray
+    """Distance the seat tile has already slid [mm]."""
+
+    def take(self, index: IntArray) -> TilePairs:
+        """A new batch of the pairs numbered `index`, in that order."""
+        return TilePairs(self.seat[index], self.bore[index], self.pressure[index], self.sliding[index])
+
+
+class FrictionProvider(Protocol):
+    """A source of coefficients of friction.
+
+    A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
+    in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
+    """
+
+    @property
+    def depends_on(self) -> frozenset[str]:
+        """A subset of {"tiles", "pressure", "sliding"}; a plain or class attribute will do.
+
+        Empty: asked once for the whole run. Only "tiles": asked once for each pair. Otherwise: asked for all
+        the pairs in contact at each increment.
+        """
+        ...
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        """The coefficient of friction mu of each pair [-], shape (n,), finite, 0 <= mu < 2; n may be 0."""
+        ...
+
+
+class BuildContext(msgspec.Struct, frozen=True, kw_only=True):
+    """What a provider may know of the run before it starts."""
+
+    seat_tiles: int
+    """Number of tiles on the seat."""
+    bore_tiles: int
+    """Number of tiles on the bore."""
+    tile_size: float = 1.0
+    """Axial length of a tile [mm]."""
+    youngs_modulus: float
+    """Of the axle [MPa]."""
+    poisson_ratio: float
+    """Of the axle [-]."""
+    cache_dir: str | None = None
+    """Folder where a provider may keep what was costly to compute; None: keep nothing."""
+
+
+class ProviderOptions(Protocol):
+    """What an entry point of the group "macrofit.friction" names: a frozen `msgspec.Struct` with `build`.
+
+    Its fields are the keys of `[friction.options]`, decoded strictly. A Struct nested in it should be
+    declared with `forbid_unknown_fields=True`, for only the keys of the outer one are checked for it.
+    """
+
+    def build(self, context: BuildContext) -> FrictionProvider:
+        """The provider with these options, ready to be asked; it may be the same object."""
+        ...

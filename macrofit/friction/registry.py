@@ -1,0 +1,130 @@
+"""The providers that are installed, found by entry points; only the module of the asked one is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NamedTuple
+
+import msgspec
+
+from macrofit.errors import ProviderError
+from macrofit.friction.answer import declared_dependence
+from macrofit.friction.contract import BuildContext, FrictionProvider, ProviderOptions
+
+GROUP = "macrofit.friction"
+"""The entry-point group of friction providers."""
+
+BUILT_IN = {"uniform": "macrofit.friction.uniform:Uniform"}
+"""Providers that need no package metadata. Their names are reserved: no plugin can take them over."""
+
+
+class InstalledProvider(NamedTuple):
+    """A provider that a scene may name."""
+
+    name: str
+    """What `[friction] provider` says."""
+    source: str
+    """The distribution it comes from, with its version."""
+    target: str
+    """The options class, as `module:Class`."""
+
+
+def names() -> list[InstalledProvider]:
+    """The installed providers in alphabetical order, and where they come from; none of them is imported."""
+    return [InstalledProvider(entry.name, _source(entry), entry.value) for entry in _entries()]
+
+
+def load(name: str, options: Mapping[str, object]) -> ProviderOptions:
+    """The options of provider `name`, decoded strictly from the table `[friction.options]`.
+
+    Raises:
+        ProviderError: no such provider, two of that name, a plugin that cannot be imported or breaks the
+            contract, an option that is unknown, missing, of the wrong type or refused.
+    """
+    entry = _entry(name)
+    return _decode(entry, _options_class(entry), options)
+
+
+def build(name: str, options: Mapping[str, object], context: BuildContext) -> FrictionProvider:
+    """The provider `name` with these options, ready to be asked.
+
+    Raises:
+        ProviderError: as `load`; or its `build` fails; or what it builds breaks the contract.
+    """
+    loaded = load(name, options)
+    try:
+        provider = loaded.build(context)
+    except Exception as error:
+        raise ProviderError(f"friction provider {name!r} cannot be built: {_said(error)}") from error
+    declared_dependence(provider, name)
+    return provider
+
+
+def _entries() -> list[EntryPoint]:
+    own = [EntryPoint(name, target, GROUP) for name, target in BUILT_IN.items()]
+    plugins = (entry for entry in entry_points(group=GROUP) if entry.name not in BUILT_IN)
+    found = {(entry.name, entry.value): entry for entry in plugins}
+    return sorted([*own, *found.values()], key=lambda entry: (entry.name, entry.value))
+
+
+def _entry(name: str) -> EntryPoint:
+    if name in BUILT_IN:  # answered without reading the metadata of every installed distribution
+        return EntryPoint(name, BUILT_IN[name], GROUP)
+    installed = _entries()
+    matches = [entry for entry in installed if entry.name == name]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        owners = " and ".join(f"{_source(entry)} ({entry.value})" for entry in matches)
+        raise ProviderError(f"friction provider {name!r} is claimed by {owners}: uninstall all but one")
+    known = ", ".join(f"{entry.name!r} from {_source(entry)}" for entry in installed)
+    raise ProviderError(
+        f"no friction provider {name!r} is installed. Installed: {known}. "
+        f"Set friction.provider to one of these, or install the package that brings {name!r}"
+    )
+
+
+def _options_class(entry: EntryPoint) -> type[Any]:
+    who = f"friction provider {entry.name!r} of {_source(entry)}"
+    try:
+        loaded = entry.load()
+    except Exception as error:
+        raise ProviderError(
+            f"{who} is broken: loading {entry.value!r} fails with {_said(error)}. "
+            "Install what it needs, or reinstall or remove it"
+        ) from error
+    if not (isinstance(loaded, type) and issubclass(loaded, msgspec.Struct)):
+        raise ProviderError(f"{who} breaks the contract: {entry.value!r} is not a subclass of msgspec.Struct")
+    if not loaded.__struct_config__.frozen:
+        raise ProviderError(f"{who} breaks the contract: {entry.value!r} must be declared with frozen=True")
+    if not callable(getattr(loaded, "build", None)):
+        raise ProviderError(f"{who} breaks the contract: {entry.value!r} has no method build(context)")
+    return loaded
+
+
+def _decode(entry: EntryPoint, kind: type[Any], options: Mapping[str, object]) -> ProviderOptions:
+    known = [field.encode_name for field in msgspec.structs.fields(kind)]
+    for key in options:
+        if key not in known:
+            accepted = ", ".join(known) if known else "none"
+            raise ProviderError(
+                f"friction.options.{key}: unknown option of friction provider {entry.name!r}. "
+                f"Its options: {accepted}"
+            )
+    try:
+        decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
+    except Exception as error:
+        told = str(error).replace("`$.", "`friction.options.")
+        raise ProviderError(f"options of friction provider {entry.name!r}: {told}") from error
+    return decoded
+
+
+def _source(entry: EntryPoint) -> str:
+    if entry.name in BUILT_IN:
+        return "macrofit (built in)"
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unnamed distribution"
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,209 @@
+"""The interface of two non-matching contact lines: moments over the seat's facets, integrated exactly.
+
+Every quantity of the interface (gap, jump, traction of the bulk stress) is projected on each covered portion of a
+seat facet, in the weight 2 pi r ds, onto constants (P1) or linear functions (P2). The projection is represented by
+n = 1 or 2 values ("moments") per facet: with the centroid c and the variance v of the portion in that weight, the
+basis functions are 1, or the two linear functions that are 1 at c -+ sqrt(v) and 0 at the other of these points.
+They are orthogonal in the weight, so that each moment is a weighted mean, each has the weight W = (area) / n, and the
+traction law can be applied to each by itself. The integrals are taken over the segments that the breakpoints of both
+lines cut out: exact for polynomials, hence for the patch test.
+
+Rows are component-major: the normal components of all moments, then the tangential ones, in the frame of the facet,
+n = (n_r, n_z) outward from the axle and t = (-n_z, n_r).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from .body import ContactLine
+from .elasticity import traction_operator
+from .geometry import FloatArray
+from .mesh import IntArray
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(3)
+
+
+@dataclass(frozen=True)
+class Portions:
+    """Covered portions of seat facets and the basis of their moments."""
+
+    facet: IntArray  # (p,)
+    start: FloatArray  # (p,) coordinates [mm]
+    end: FloatArray
+    density: FloatArray  # (p,) 2 pi (facet length) / (its extent in the coordinate)
+    points: FloatArray  # (p, n) where each basis function is 1 [mm]
+    weight: FloatArray  # (p, n) W [mm2]
+
+    def basis(self, portion: IntArray, s: FloatArray) -> FloatArray:
+        """(q, n): the basis functions of ``portion`` (q,) at coordinates s (q,), divided by their W."""
+        x, weight = self.points[portion], self.weight[portion]
+        if x.shape[1] == 1:
+            return 1.0 / weight
+        span = x[:, 1] - x[:, 0]
+        values = np.stack([(x[:, 1] - s) / span, (s - x[:, 0]) / span], axis=1)
+        return np.asarray(values / weight)
+
+
+@dataclass(frozen=True)
+class SeatRows:
+    """Operators of moments on the axle's trace nodes, (2 moments, 2 trace nodes)."""
+
+    weight: FloatArray  # (moments,) [mm2]
+    normals: FloatArray  # (moments, 2)
+    jump: sp.csr_matrix  # displacement of the seat
+    traction: sp.csr_matrix | None  # MPa of the bulk stress; None: penalty
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
+
+    portions: Portions
+    bore_jump: sp.csr_matrix  # (p n, bore nodes): moments of the bore's displacement, either component
+    bore_slope: sp.csr_matrix  # (p n, bore nodes): moments of its derivative along the bore
+    gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
+    lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
+
+
+def portions_of(line: ContactLine, facet: IntArray, start: FloatArray, end: FloatArray) -> Portions:
+    """The portions [start, end] of the facets, with their weighted centroid, variance and area."""
+    s, r = line.coordinate, line.radius
+    extent = s[facet + 1] - s[facet]
+    slope = (r[facet + 1] - r[facet]) / extent
+    middle, half = 0.5 * (start + end), 0.5 * (end - start)
+    radius = r[facet] + slope * (middle - s[facet])
+    density = 2.0 * math.pi * line.length[facet] / extent
+    area = density * 2.0 * half * radius
+    if line.order == 1:
+        return Portions(facet, start, end, density, middle[:, None], area[:, None])
+    shift = slope * half**2 / (3.0 * radius)
+    spread = np.sqrt(half**2 / 3.0 - shift**2)
+    points = np.stack([middle + shift - spread, middle + shift + spread], axis=1)
+    return Portions(facet, start, end, density, points, np.stack([0.5 * area, 0.5 * area], axis=1))
+
+
+def _quadrature(line: ContactLine, portions: Portions, portion: IntArray, a: FloatArray, b: FloatArray
+                ) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Gauss points s (q,) of the intervals [a, b], their portion (q,), and (q, n) weight * basis / W."""
+    s = (0.5 * (a + b))[:, None] + 0.5 * (b - a)[:, None] * _GAUSS_X
+    which = np.repeat(portion, len(_GAUSS_X))
+    s = s.ravel()
+    weight = (0.5 * (b - a)[:, None] * _GAUSS_W).ravel() * portions.density[which]
+    facet = portions.facet[which]
+    x, r = line.coordinate, line.radius
+    weight *= r[facet] + (r[facet + 1] - r[facet]) * (s - x[facet]) / (x[facet + 1] - x[facet])
+    return s, which, weight[:, None] * portions.basis(which, s)
+
+
+def _shape(order: int, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lagrange basis on [0, 1] and its derivative, (q, order + 1)."""
+    if order == 1:
+        return np.stack([1.0 - t, t], axis=1), np.stack([-np.ones_like(t), np.ones_like(t)], axis=1)
+    values = np.stack([(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)], axis=1)
+    return values, np.stack([4.0 * t - 3.0, 4.0 - 8.0 * t, 4.0 * t - 1.0], axis=1)
+
+
+def _moments(test: FloatArray, values: FloatArray, portion: IntArray, columns: IntArray, shape: tuple[int, int]
+             ) -> sp.csr_matrix:
+    """Sparse rows sum_q test[q, i] values[q, b], row portion[q] n + i, column columns[q, b]."""
+    n = test.shape[1]
+    rows = (portion[:, None] * n + np.arange(n))[:, :, None]
+    data = test[:, :, None] * values[:, None, :]
+    rows, cols = np.broadcast_arrays(rows, columns[:, None, :])
+    return sp.csr_matrix((data.ravel(), (rows.ravel(), cols.ravel())), shape=shape)
+
+
+def rotate(normals: FloatArray, scalar: sp.csr_matrix) -> sp.csr_matrix:
+    """Rows (normal; tangential) x columns (r; z) of a displacement from the rows of either component."""
+    n_r, n_z = (sp.diags(normals[:, k]) @ scalar for k in (0, 1))
+    rotated = sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
+    rotated.eliminate_zeros()
+    return rotated
+
+
+def seat_rows(line: ContactLine, portions: Portions, *, with_traction: bool) -> SeatRows:
+    """Moments of the seat's displacement and of its bulk traction over ``portions``."""
+    count, n = portions.weight.shape
+    index = np.arange(count)
+    s, which, test = _quadrature(line, portions, index, portions.start, portions.end)
+    facet = portions.facet[which]
+    x = line.coordinate
+    t = (s - x[facet]) / (x[facet + 1] - x[facet])
+    values, _ = _shape(line.order, t)
+    columns = line.order * facet[:, None] + np.arange(line.order + 1)
+    normals = np.repeat(line.normals[portions.facet], n, axis=0)
+    jump = rotate(normals, _moments(test, values, which, columns, (count * n, line.trace_nodes)))
+    traction = _traction_rows(line, portions, which, test, facet, t) if with_traction else None
+    return SeatRows(portions.weight.ravel(), normals, jump, traction)
+
+
+def _traction_rows(line: ContactLine, portions: Portions, which: IntArray, test: FloatArray, facet: IntArray,
+                   t: FloatArray) -> sp.csr_matrix:
+    vertices = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    start, end = vertices[line.ends[facet, 0]], vertices[line.ends[facet, 1]]
+    points = start + t[:, None] * (end - start)
+    normal = line.normals[facet]
+    operator = traction_operator(line.order, line.corners[facet], points, normal, line.material)
+    n_r, n_z = normal[:, [0]], normal[:, [1]]
+    local = (n_r * operator[:, 0] + n_z * operator[:, 1], -n_z * operator[:, 0] + n_r * operator[:, 1])
+    cells = line.cells[facet]
+    columns = np.stack([cells, line.trace_nodes + cells], axis=2).reshape(len(facet), -1)
+    shape = (portions.weight.size, 2 * line.trace_nodes)
+    return sp.vstack([_moments(test, rows, which, columns, shape) for rows in local], format="csr")
+
+
+def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
+    """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap."""
+    shift = travel if seat.radial else 0.0
+    s, b = seat.coordinate, bore.coordinate + shift
+    low, high = max(s[0], b[0]), min(s[-1], b[-1])
+    if high - low <= 1e-9 * float(seat.length.min()):
+        return None
+    inner = np.concatenate([s[(s > low) & (s < high)], b[(b > low) & (b < high)]])
+    cuts = np.concatenate([[low], np.sort(inner), [high]])
+    keep = np.append(True, np.diff(cuts) > 1e-12 * (high - low))
+    cuts = cuts[keep]
+    cuts[-1] = high
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    facet = np.searchsorted(s, middle, side="right") - 1
+    bore_facet = np.searchsorted(b, middle, side="right") - 1
+    first, last = int(facet[0]), int(facet[-1])
+    covered = np.arange(first, last + 1)
+    portions = portions_of(seat, covered, np.maximum(s[covered], low), np.minimum(s[covered + 1], high))
+    q, which, test = _quadrature(seat, portions, facet - first, cuts[:-1], cuts[1:])
+    return _pairing(seat, bore, travel, shift, portions, np.repeat(bore_facet, len(_GAUSS_X)), q, which, test)
+
+
+def _pairing(seat: ContactLine, bore: ContactLine, travel: float, shift: float, portions: Portions,
+             bore_facet: IntArray, s: FloatArray, which: IntArray, test: FloatArray) -> Pairing:
+    x = bore.coordinate
+    extent = x[bore_facet + 1] - x[bore_facet]
+    zeta = s - shift
+    values, slopes = _shape(bore.order, (zeta - x[bore_facet]) / extent)
+    columns = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
+    shape = (portions.weight.size, len(bore.nodes))
+    normal = seat.normals[portions.facet[which]]
+    height = bore.generatrix.height(zeta) - seat.generatrix.height(s)
+    if seat.radial:
+        gap = height * normal[:, 0]
+        lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
+    else:
+        gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
+    return Pairing(
+        portions,
+        _moments(test, values, which, columns, shape),
+        _moments(test, slopes / extent[:, None], which, columns, shape),
+        _mean(test, gap, which, len(portions.facet)),
+        _mean(test, lean, which, len(portions.facet)),
+    )
+
+
+def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:
+    """Moments (p n,) of point values (q,)."""
+    columns = [np.bincount(which, test[:, i] * values, minlength=count) for i in range(test.shape[1])]
+    return np.stack(columns, axis=1).ravel()

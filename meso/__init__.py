@@ -1,0 +1,1 @@
+"""Rough plates and their friction. Still to come: see `macrofit-meso --help`."""

@@ -1,0 +1,120 @@
+"""The same tests on one rank and under mpirun: a failure on any rank ends the job, nothing waits for ever."""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+import pytest
+
+LIMIT_S = 120.0
+SLOW_LIMIT_S = 300.0
+LAUNCHER_VARIABLES = ("OMPI_COMM_WORLD_", "OMPI_UNIVERSE_", "ORTE_", "PMIX_", "PMI_")
+
+UNDER_MPIRUN = any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"))
+if UNDER_MPIRUN:
+    from mpi4py import MPI
+
+    WORLD: Any = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+else:
+    WORLD = None
+
+_stderr: IO[str] | None = None
+
+
+class Mpirun(Protocol):
+    """Run `python *arguments` on some ranks and wait, but not for ever."""
+
+    def __call__(
+        self, ranks: int, *arguments: str | Path, timeout: float = 60.0, cwd: Path | None = None
+    ) -> subprocess.CompletedProcess[str]: ...
+
+
+def pytest_configure() -> None:
+    """Keep a copy of the real stderr: during a test pytest has another file in its place."""
+    global _stderr
+    _stderr = os.fdopen(os.dup(2), "w")
+
+
+def _abort(text: str) -> None:
+    """End every rank: the others may be waiting for this one in a collective call."""
+    print(f"\nrank {WORLD.rank} of {WORLD.size} failed\n{text}", file=_stderr, flush=True)
+    WORLD.Abort(1)
+
+
+def _with_output(report: pytest.TestReport | pytest.CollectReport) -> str:
+    sections = "".join(f"\n--- {title} ---\n{content}" for title, content in report.sections)
+    return f"{report.nodeid}\n{report.longreprtext}{sections}"
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if WORLD is not None and report.failed:
+        _abort(_with_output(report))
+
+
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    if WORLD is not None and report.failed:
+        _abort(_with_output(report))
+
+
+def pytest_internalerror(excrepr: object) -> None:
+    if WORLD is not None:
+        _abort(str(excrepr))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """A test that hangs shows where, on each rank, and ends the run."""
+    limit = SLOW_LIMIT_S if item.get_closest_marker("slow") else LIMIT_S
+    faulthandler.dump_traceback_later(limit, exit=True, file=_stderr or sys.__stderr__)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_teardown() -> Iterator[None]:
+    """Destructors of PETSc objects are collective: collect them on all ranks at the same place."""
+    yield
+    if WORLD is not None:
+        gc.collect()
+        WORLD.Barrier()
+
+
+@pytest.fixture
+def shared_tmp_path(request: pytest.FixtureRequest) -> Path:
+    """An empty folder, the same on every rank."""
+    if WORLD is None:
+        return Path(request.getfixturevalue("tmp_path"))
+    own = str(request.getfixturevalue("tmp_path")) if WORLD.rank == 0 else None
+    return Path(WORLD.bcast(own, root=0))
+
+
+@pytest.fixture(scope="session")
+def mpirun() -> Mpirun:
+    """A launcher for tests that themselves run on one rank: gives the finished process with its output."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER_VARIABLES)}
+    environment |= {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_hwloc_base_binding_policy": "none",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMP_NUM_THREADS": "1",
+        "NUMBA_NUM_THREADS": "1",
+    }
+
+    def launch(
+        ranks: int, *arguments: str | Path, timeout: float = 60.0, cwd: Path | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        command = ["timeout", f"{timeout:g}", "mpirun", "-n", str(ranks), sys.executable]
+        command += [str(argument) for argument in arguments]
+        return subprocess.run(
+            command, cwd=cwd, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True
+        )
+
+    return launch

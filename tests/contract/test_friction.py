@@ -1,0 +1,315 @@
+"""The friction contract: the conformance check tells good providers from bad ones, and plugins are found."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from macrofit.errors import ProviderError
+from macrofit.friction import BuildContext, FloatArray, TilePairs, Uniform, build, load, names
+from macrofit.friction.conformance import ConformanceError, check
+
+HERE = Path(__file__).resolve().parent
+PLUGIN = HERE.parent / "data" / "thirdparty_friction"
+CONTEXT = BuildContext(seat_tiles=8, bore_tiles=8, youngs_modulus=206e3, poisson_ratio=0.3)
+
+Law = Callable[[TilePairs], object]
+
+
+class Provider:
+    """A provider made of a law, for the tests."""
+
+    def __init__(self, law: Law, *depends_on: str) -> None:
+        self.law = law
+        self.depends_on = frozenset(depends_on)
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        return self.law(pairs)  # type: ignore[return-value]
+
+
+def stripes(pairs: TilePairs) -> FloatArray:
+    return 0.1 + 0.01 * pairs.seat + 0.002 * pairs.bore
+
+
+def heated(pairs: TilePairs) -> FloatArray:
+    moved: FloatArray = stripes(pairs) + 1e-4 * pairs.pressure + 1e-4 * pairs.sliding
+    return moved
+
+
+def with_one(value: float) -> Law:
+    """Right everywhere but on seat tile 0."""
+    return lambda pairs: np.where(pairs.seat == 0, value, 0.1)
+
+
+def mutating(pairs: TilePairs) -> FloatArray:
+    pairs.pressure[:] = 0.0
+    return np.full(pairs.seat.size, 0.1)
+
+
+def raising(pairs: TilePairs) -> FloatArray:
+    raise RuntimeError("the furnace is cold")
+
+
+def failing_when_empty(pairs: TilePairs) -> FloatArray:
+    return np.full(pairs.seat.size, 0.1 + 0.0 * pairs.seat[0])
+
+
+def drifting() -> Law:
+    rng = np.random.default_rng(0)
+    return lambda pairs: 0.1 + 0.01 * rng.random(pairs.seat.size)
+
+
+def drifting_in_one_buffer() -> Law:
+    rng, buffer = np.random.default_rng(0), np.empty(100)
+    return lambda pairs: rng.random(out=buffer[: pairs.seat.size])
+
+
+def batch_normalised(pairs: TilePairs) -> FloatArray:
+    return 0.1 + 0.01 * (pairs.seat - pairs.seat.mean() if pairs.seat.size else pairs.seat)
+
+
+def by_place(pairs: TilePairs) -> FloatArray:
+    return 0.1 + 0.001 * np.arange(pairs.seat.size)
+
+
+def float32_noise(pairs: TilePairs) -> FloatArray:
+    return 0.1 + 1e-8 * pairs.seat.size + 0.0 * pairs.pressure
+
+
+@pytest.mark.parametrize(
+    "provider",
+    [
+        Uniform(),
+        Uniform(coefficient=0.0),
+        Provider(stripes, "tiles"),
+        Provider(heated, "tiles", "pressure", "sliding"),
+        Provider(lambda pairs: stripes(pairs).astype(np.float32), "tiles"),
+        Provider(float32_noise),
+    ],
+    ids=["uniform", "frictionless", "tiles", "everything", "single precision", "batch rounding"],
+)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_good_providers_pass(provider: Provider, seed: int) -> None:
+    check(provider, seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("provider", "rule"),
+    [
+        (Provider(with_one(np.nan), "tiles"), "Provider' answered nan for the pair of seat tile 0"),
+        (Provider(with_one(np.inf), "tiles"), "answered inf"),
+        (Provider(with_one(-0.01), "tiles"), "answered -0.01"),
+        (Provider(with_one(2.0), "tiles"), "answered 2.0"),
+        (Provider(lambda pairs: 0.11), r"shape \(\)"),
+        (Provider(lambda pairs: np.full((pairs.seat.size, 1), 0.1)), "shape"),
+        (Provider(lambda pairs: None), "not with real numbers"),
+        (Provider(lambda pairs: np.full(pairs.seat.size, 0.1 + 0j)), "not with real numbers"),
+        (Provider(raising), "raised RuntimeError: the furnace is cold"),
+        (Provider(failing_when_empty), "an empty batch, raised IndexError"),
+        (Provider(mutating), "modified its input 'pressure'"),
+        (Provider(drifting(), "tiles"), "not deterministic"),
+        (Provider(drifting_in_one_buffer(), "tiles"), "not deterministic"),
+        (Provider(by_place, "tiles"), "depends on the order"),
+        (Provider(batch_normalised, "tiles"), "depends on the other pairs"),
+        (Provider(stripes), "depends on tiles, which"),
+        (Provider(stripes, "pressure", "sliding"), "depends on tiles, which"),
+        (Provider(lambda pairs: 0.1 + 0.01 * pairs.bore), "depends on tiles, which"),
+        (Provider(heated, "tiles", "sliding"), "depends on pressure, which"),
+        (Provider(heated, "tiles", "pressure"), "depends on sliding, which"),
+        (Provider(stripes, "tiles", "weather"), "depends_on is"),
+    ],
+)
+def test_broken_providers_are_caught(provider: Provider, rule: str) -> None:
+    with pytest.raises(ConformanceError, match=rule) as caught:
+        check(provider)
+    assert "\n" not in str(caught.value)
+
+
+def test_equality_to_the_bit_can_be_asked_for() -> None:
+    with pytest.raises(ConformanceError, match="depends on the other pairs"):
+        check(Provider(float32_noise), tolerance=0.0)
+
+
+def test_lacking_members_are_named() -> None:
+    with pytest.raises(ConformanceError, match="no method coefficients"):
+        check(object())  # type: ignore[arg-type]
+    listed = Provider(stripes, "tiles")
+    listed.depends_on = ["tiles"]  # type: ignore[assignment]
+    with pytest.raises(ConformanceError, match="depends_on is"):
+        check(listed)
+
+
+# Options and the registry
+
+
+def test_uniform_is_built_in_and_has_the_usual_coefficient() -> None:
+    assert ("uniform", "macrofit (built in)") in [(found.name, found.source) for found in names()]
+    assert load("uniform", {}) == Uniform(coefficient=0.11)
+    provider = build("uniform", {"coefficient": 0}, CONTEXT)
+    assert not provider.depends_on
+    check(provider)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"coeficient": 0.1}, "friction.options.coeficient.*Its options: coefficient"),
+        ({"coefficient": "0.1"}, "friction.options.coefficient"),
+        ({"coefficient": True}, "friction.options.coefficient"),
+        ({"coefficient": -0.1}, "coefficient = -0.1"),
+        ({"coefficient": 2.0}, "coefficient = 2.0"),
+        ({"coefficient": float("nan")}, "coefficient = nan"),
+    ],
+)
+def test_refused_options_name_the_key(options: dict[str, object], told: str) -> None:
+    with pytest.raises(ProviderError, match=told):
+        load("uniform", options)
+
+
+def test_the_context_names_its_fields() -> None:
+    assert CONTEXT.tile_size == 1.0
+    assert CONTEXT.cache_dir is None
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.convert({"seat_tiles": "8"}, BuildContext)
+
+
+Install = Callable[..., None]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Puts a one-module plugin on the path with the metadata an installer would write."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def write(module: str, entry: str, source: str) -> None:
+        dist = f"dist_{module}"
+        info = tmp_path / f"{dist}-0.3.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {dist}\nVersion: 0.3\n")
+        (info / "entry_points.txt").write_text(f"[macrofit.friction]\n{entry}\n")
+        (tmp_path / f"{module}.py").write_text(source)
+        monkeypatch.delitem(sys.modules, module, raising=False)
+
+    return write
+
+
+GOOD = """
+import msgspec, numpy as np
+class Options(msgspec.Struct, frozen=True):
+    micro_friction: float
+    depends_on = frozenset()
+    def build(self, context): return self
+    def coefficients(self, pairs): return np.full(len(pairs.seat), self.micro_friction)
+"""
+
+
+def test_only_the_asked_plugin_is_imported(install: Install) -> None:
+    install("plugin_kept", "kept = plugin_kept:Options", GOOD)
+    install("plugin_asleep", "asleep = plugin_asleep:Options", "raise RuntimeError('woken')")
+    listed = {found.name: found for found in names()}
+    assert listed["asleep"].source == "dist_plugin_asleep 0.3"
+    assert listed["kept"].target == "plugin_kept:Options"
+    check(build("kept", {"micro_friction": 0.07}, CONTEXT))
+    load("uniform", {})
+    assert "plugin_kept" in sys.modules
+    assert "plugin_asleep" not in sys.modules
+    with pytest.raises(ProviderError, match="micro_friction"):
+        load("kept", {})
+
+
+def test_an_unknown_name_lists_what_is_installed(install: Install) -> None:
+    install("plugin_kept", "kept = plugin_kept:Options", GOOD)
+    with pytest.raises(
+        ProviderError, match=r"no friction provider 'sandpaper'.*'kept' from dist_plugin_kept.*'uniform'"
+    ):
+        load("sandpaper", {})
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("import a_module_nobody_has", r"of dist_plugin_bad 0\.3 is broken.*a_module_nobody_has"),
+        ("raise ValueError('at import')", r"of dist_plugin_bad 0\.3 is broken.*at import"),
+        ("", "is broken.*Options"),
+        ("Options = 0.11", "breaks the contract.*not a subclass of msgspec.Struct"),
+        ("class Options: pass", "breaks the contract.*not a subclass of msgspec.Struct"),
+        ("import msgspec\nclass Options(msgspec.Struct): pass", "frozen=True"),
+        ("import msgspec\nclass Options(msgspec.Struct, frozen=True): pass", "no method build"),
+    ],
+)
+def test_a_broken_plugin_is_named(install: Install, source: str, told: str) -> None:
+    install("plugin_bad", "bad = plugin_bad:Options", source)
+    with pytest.raises(ProviderError, match=told) as caught:
+        load("bad", {})
+    assert "'bad'" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("built", "told"),
+    [
+        ("0.11", "'bad' breaks the contract.*no method coefficients"),
+        ("1 / 0", "'bad' cannot be built: ZeroDivisionError"),
+    ],
+)
+def test_a_plugin_that_builds_no_provider_is_named(install: Install, built: str, told: str) -> None:
+    source = f"""
+import msgspec
+class Options(msgspec.Struct, frozen=True):
+    def build(self, context): return {built}
+"""
+    install("plugin_bad", "bad = plugin_bad:Options", source)
+    with pytest.raises(ProviderError, match=told):
+        build("bad", {}, CONTEXT)
+
+
+def test_two_plugins_of_one_name_are_refused(install: Install) -> None:
+    install("plugin_one", "twin = plugin_one:Options", GOOD)
+    install("plugin_two", "twin = plugin_two:Options", GOOD)
+    with pytest.raises(ProviderError, match=r"claimed by dist_plugin_one 0\.3 .* and dist_plugin_two 0\.3"):
+        load("twin", {"micro_friction": 0.1})
+
+
+def test_a_plugin_cannot_take_over_a_built_in_name(install: Install) -> None:
+    install("plugin_thief", "uniform = plugin_thief:Options", GOOD)
+    assert isinstance(load("uniform", {}), Uniform)
+    assert [found.name for found in names()].count("uniform") == 1
+
+
+# A package of somebody else, installed as a user would
+
+
+def test_a_third_party_package_is_listed_and_keeps_the_contract(tmp_path: Path) -> None:
+    package, site = tmp_path / "package", tmp_path / "site"
+    shutil.copytree(PLUGIN, package, ignore=shutil.ignore_patterns("__pycache__"))  # the build writes into it
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index"]
+    offline = [*pip, "--no-deps", "--no-build-isolation", "--target", str(site), str(package)]
+    _run(offline, tmp_path, os.environ)
+    path = os.pathsep.join([str(site), str(HERE.parents[1])])
+    program = (
+        "from macrofit.friction import *\n"
+        "print([tuple(found) for found in names() if found.name == 'stripes'])\n"
+        "context = BuildContext(seat_tiles=8, bore_tiles=8, youngs_modulus=206e3, poisson_ratio=0.3)\n"
+        "print(build('stripes', {'rough': 0.2}, context))\n"
+    )
+    told = _run([sys.executable, "-c", program], tmp_path, {**os.environ, "PYTHONPATH": path})
+    assert "[('stripes', 'stripes-friction 1.2.0', 'stripes_friction:Stripes')]" in told
+    assert "Stripes(smooth=0.08, rough=0.2)" in told
+    (package / "stripes_friction.py").unlink()  # so that its test meets the installed module
+    its_test = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_stripes.py"]
+    assert "1 passed" in _run(its_test, package, {**os.environ, "PYTHONPATH": path})
+
+
+def _run(command: list[str], folder: Path, environment: os._Environ[str] | dict[str, str]) -> str:
+    done = subprocess.run(
+        command, cwd=folder, env=dict(environment), capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout

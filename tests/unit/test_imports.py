@@ -1,0 +1,95 @@
+"""What is loaded, and by whom: nothing heavy before it is used, and a friction contract that stands alone."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from importlib.util import find_spec, resolve_name
+from pathlib import Path
+
+import pytest
+
+import macrofit
+
+HEAVY = {"dolfinx", "petsc4py", "mpi4py", "torch", "numba", "matplotlib", "gmsh", "scipy", "h5py", "meshio"}
+SHOW_LOADED = """
+import json, runpy, sys
+try:
+    {statement}
+finally:
+    print("\\n" + json.dumps(sorted({{name.partition(".")[0] for name in sys.modules}})))
+"""
+ALLOWED_IN_FRICTION = {"numpy", "msgspec", "macrofit.errors", "macrofit.friction"}
+
+
+def loaded_by(statement: str) -> set[str]:
+    """The top-level modules a fresh interpreter has after a statement."""
+    done = subprocess.run(
+        [sys.executable, "-c", SHOW_LOADED.format(statement=statement)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def run_help(module: str) -> str:
+    return f"sys.argv[1:] = ['--help']; runpy.run_module({module!r}, run_name='__main__')"
+
+
+@pytest.mark.parametrize("module", ["macrofit", "meso", "surrogate"])
+def test_import_loads_nothing_heavy(module):
+    loaded = loaded_by(f"import {module}")
+    assert module in loaded
+    assert not loaded & (HEAVY | {"numpy", "msgspec", "click", "rich"})
+
+
+@pytest.mark.parametrize("module", ["macrofit", "meso", "surrogate"])
+def test_help_loads_nothing_heavy(module):
+    if find_spec(f"{module}.cli") is None:
+        pytest.skip(f"{module} has no command line yet")
+    loaded = loaded_by(run_help(module))
+    assert "click" in loaded
+    assert not loaded & HEAVY
+
+
+def test_public_names_are_found():
+    if find_spec("macrofit.solve") is None or find_spec("macrofit.scene") is None:
+        pytest.skip("the solver is not there yet")
+    loaded = loaded_by(
+        "import macrofit.solve; from macrofit import solve; assert callable(solve), solve;"
+        " assert callable(macrofit.solve);"
+        " from macrofit import Scene, Solution, load_scene; assert callable(load_scene)"
+    )
+    assert "macrofit" in loaded
+    assert not loaded & {"torch", "meso", "surrogate"}
+
+
+def test_an_unknown_public_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'sovle'"):
+        _ = macrofit.sovle
+    assert set(macrofit.__all__) <= set(dir(macrofit))
+
+
+def imported_modules(path: Path, package: str) -> set[str]:
+    """The full names a file of a package imports, wherever in the file."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            source = resolve_name("." * node.level + (node.module or ""), package)
+            names |= {f"{source}.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_the_friction_contract_imports_numpy_and_msgspec_only():
+    files = sorted((Path(macrofit.__file__).parent / "friction").glob("*.py"))
+    for path in files:
+        for name in imported_modules(path, "macrofit.friction"):
+            standard = name.partition(".")[0] in sys.stdlib_module_names
+            allowed = any(f"{name}.".startswith(f"{prefix}.") for prefix in ALLOWED_IN_FRICTION)
+            assert standard or allowed, f"{path.name} imports {name}"
