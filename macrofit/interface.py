@@ -24,6 +24,7 @@ from .body import ContactLine
 from .elasticity import traction_operator
 from .geometry import FloatArray
 from .mesh import IntArray
+from .scene import ContactKeys
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(3)
 
@@ -51,12 +52,28 @@ class Portions:
 
 @dataclass(frozen=True)
 class SeatRows:
-    """Operators of moments on the axle's trace nodes, (2 moments, 2 trace nodes)."""
+    """Operators of n moments on the axle's trace nodes, rows component-major."""
 
-    weight: FloatArray  # (moments,) [mm2]
-    normals: FloatArray  # (moments, 2)
-    jump: sp.csr_matrix  # displacement of the seat
-    traction: sp.csr_matrix | None  # MPa of the bulk stress; None: penalty
+    weight: FloatArray  # (n,) [mm2]
+    jump: sp.csr_matrix  # (2 n, 2 trace nodes) J
+    trial: sp.csr_matrix  # (2 n, 2 trace nodes) J - T/gamma; J for penalty
+    load: sp.csr_matrix  # (2 n, 2 loaded nodes) J - theta/gamma T
+    traction: sp.csr_matrix | None  # (2 n, 2 trace nodes) T [MPa/mm]; None for penalty
+
+
+@dataclass(frozen=True)
+class CoveredSeat:
+    """The seat's side at one displacement: n moments."""
+
+    facet: IntArray  # (n,)
+    index: IntArray  # (n,) number of the moment among all of the seat; partly covered ones come after these
+    weight: FloatArray  # (n,) [mm2]
+    gamma: FloatArray  # (n,) [MPa/mm]
+    normals: FloatArray  # (n, 2)
+    jump: sp.csr_matrix  # (2 n, 2 trace nodes)
+    trial: sp.csr_matrix
+    load: sp.csr_matrix
+    partial: SeatRows | None  # the rows of the partly covered moments, anew
 
 
 @dataclass(frozen=True)
@@ -126,20 +143,80 @@ def rotate(normals: FloatArray, scalar: sp.csr_matrix) -> sp.csr_matrix:
     return rotated
 
 
-def seat_rows(line: ContactLine, portions: Portions, *, with_traction: bool) -> SeatRows:
-    """Moments of the seat's displacement and of its bulk traction over ``portions``."""
-    count, n = portions.weight.shape
-    index = np.arange(count)
-    s, which, test = _quadrature(line, portions, index, portions.start, portions.end)
-    facet = portions.facet[which]
-    x = line.coordinate
-    t = (s - x[facet]) / (x[facet + 1] - x[facet])
-    values, _ = _shape(line.order, t)
-    columns = line.order * facet[:, None] + np.arange(line.order + 1)
-    normals = np.repeat(line.normals[portions.facet], n, axis=0)
-    jump = rotate(normals, _moments(test, values, which, columns, (count * n, line.trace_nodes)))
-    traction = _traction_rows(line, portions, which, test, facet, t) if with_traction else None
-    return SeatRows(portions.weight.ravel(), normals, jump, traction)
+class Seat:
+    """The seat's operators for every facet fully covered, and for any covering."""
+
+    def __init__(self, line: ContactLine, keys: ContactKeys) -> None:
+        self.line, self.nitsche, self.theta = line, keys.formulation == "nitsche", float(keys.theta)
+        self.gamma = gamma_of(keys, line.material.youngs_modulus, line.length)
+        self.loaded = line.trace_nodes if self.nitsche and keys.theta else len(line.nodes)
+        s = line.coordinate
+        portions = portions_of(line, np.arange(line.facets), s[:-1], s[1:])
+        self.moments = portions.points.shape[1]  # per facet
+        self.size = line.facets * self.moments
+        self.full = self.rows(portions)
+
+    @property
+    def stabilisation(self) -> sp.csr_matrix | None:
+        """-theta T' W / gamma T on the trace degrees of freedom; None where it vanishes."""
+        if self.full.traction is None or self.theta == 0.0:
+            return None
+        scale = -self.theta * self.full.weight / np.repeat(self.gamma, self.moments)
+        return (self.full.traction.T @ sp.diags(np.tile(scale, 2)) @ self.full.traction).tocsr()
+
+    def rows(self, portions: Portions) -> SeatRows:
+        """The operators on ``portions``."""
+        line, (count, n) = self.line, portions.weight.shape
+        s, which, test = _quadrature(line, portions, np.arange(count), portions.start, portions.end)
+        facet = portions.facet[which]
+        x = line.coordinate
+        t = (s - x[facet]) / (x[facet + 1] - x[facet])
+        values, _ = _shape(line.order, t)
+        columns = line.order * facet[:, None] + np.arange(line.order + 1)
+        normals = np.repeat(line.normals[portions.facet], n, axis=0)
+        jump = trial = load = rotate(normals, _moments(test, values, which, columns, (count * n, line.trace_nodes)))
+        traction = None
+        if self.nitsche:
+            traction = _traction_rows(line, portions, which, test, facet, t)
+            scaled = sp.diags(np.tile(1.0 / np.repeat(self.gamma[portions.facet], n), 2)) @ traction
+            trial = (jump - scaled).tocsr()
+            load = (jump - self.theta * scaled).tocsr() if self.theta else jump
+        nodes = np.arange(self.loaded)
+        load = load[:, np.concatenate([nodes, line.trace_nodes + nodes])]
+        return SeatRows(portions.weight.ravel(), jump, trial, load, traction)
+
+    def cover(self, portions: Portions) -> CoveredSeat:
+        """The operators on the covered portions; only those of partly covered facets are computed."""
+        s, m, facets = self.line.coordinate, self.moments, portions.facet
+        whole = (portions.start == s[facets]) & (portions.end == s[facets + 1])
+        part = np.flatnonzero(~whole)
+        base = facets * m
+        base[part] = self.size + m * np.arange(len(part))
+        index = (base[:, None] + np.arange(m)).ravel()
+        jump, trial, load, partial = self.full.jump, self.full.trial, self.full.load, None
+        if len(part):
+            partial = self.rows(portions_of(self.line, facets[part], portions.start[part], portions.end[part]))
+            jump, trial, load = (
+                _append(a, b) for a, b in ((jump, partial.jump), (trial, partial.trial), (load, partial.load))
+            )
+        rows = np.concatenate([index, jump.shape[0] // 2 + index])
+        facet = np.repeat(facets, m)
+        return CoveredSeat(facet, index, portions.weight.ravel(), self.gamma[facet], self.line.normals[facet],
+                           jump[rows], trial[rows], load[rows], partial)
+
+
+def _append(full: sp.csr_matrix, spare: sp.csr_matrix) -> sp.csr_matrix:
+    """Append the rows of spare moments to both components of the full ones."""
+    n, k = full.shape[0] // 2, spare.shape[0] // 2
+    return sp.vstack([full[:n], spare[:k], full[n:], spare[k:]], format="csr")
+
+
+def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> FloatArray:
+    """gamma [MPa/mm] of facets of ``length`` [mm]: gamma0 E / h (Nitsche), or the penalty stiffness."""
+    if keys.formulation == "penalty":
+        stiffness = 10.0 * youngs_modulus if keys.penalty_stiffness is None else keys.penalty_stiffness
+        return np.full_like(length, stiffness)
+    return keys.gamma0 * youngs_modulus / length
 
 
 def _traction_rows(line: ContactLine, portions: Portions, which: IntArray, test: FloatArray, facet: IntArray,

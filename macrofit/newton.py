@@ -1,0 +1,59 @@
+"""Semismooth Newton on the status of the moments; returns a report, prints nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .contact import Answer, Status, classify, law
+from .geometry import FloatArray
+
+TOLERANCE = 1e-8
+"""Largest relative change of the traction in the last step; the error left is smaller by Newton's contraction."""
+
+
+class LinearProblem(Protocol):
+    """The problem that is linear once status and kappa are given: condensed or monolithic."""
+
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+        """Traction, trial traction and kappa after one linear solve."""
+        ...
+
+    def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
+        """Displacements of the axle's trace nodes and of the bore's nodes [mm] at the last answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class Report:
+    """How Newton's method ended."""
+
+    answer: Answer
+    status: Status
+    iterations: int
+    residual: float  # largest |lambda - law(trial)| relative to the largest traction
+    converged: bool
+
+
+def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 40) -> Report:
+    """Iterate status -> linear solve -> status until neither status nor traction changes.
+
+    The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
+    displacement, is taken from the step before.
+    """
+    before: FloatArray | None = None
+    for iteration in range(1, limit + 1):
+        answer = problem.solve(status, kappa, friction)
+        asked = classify(answer.trial, friction, status)
+        scale = float(np.abs(answer.traction).max(initial=0.0))
+        settled = asked.same(status) and (
+            bool((np.abs(answer.kappa - kappa) <= 1e-13).all())
+            or (before is not None and float(np.abs(answer.traction - before).max()) <= TOLERANCE * scale)
+        )
+        if settled or iteration == limit:
+            break
+        before, status, kappa = answer.traction, asked, answer.kappa
+    error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
+    return Report(answer, status, iteration, error / scale if scale else error, settled)

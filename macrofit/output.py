@@ -1,0 +1,256 @@
+"""The files of a run: each is written beside its name and then put in place, so that none is ever half there.
+
+A folder belongs to macrofit once it holds a journal; a new run replaces what is in it. Any other folder that is not
+empty is refused, so that nothing of the user's is overwritten.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import msgspec
+import numpy as np
+
+from .errors import MacrofitError, OutputError
+from .geometry import FloatArray, draw
+from .mesh import read_mesh
+from .scene import Drawn, Scene, dump_scene
+from .solution import BodyField, FacetState, Increment
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+JOURNAL, SCENE, CURVE, SUMMARY, INTERFACE, FIELDS = (
+    "journal.bin", "scene.toml", "fitting_curve.csv", "summary.json", "interface.h5", "fields"
+)  # fmt: skip
+HEADER = (
+    "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,sticking_facets,"
+    "newton_iterations,wall_s"
+)
+UNITS = {
+    "pressure": "MPa", "traction": "MPa", "gap": "mm", "slip": "mm", "accumulated_slip": "mm",
+    "status": "0 open, 1 stick, 2 slip", "friction": "1",
+}  # fmt: skip
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn a failure to write ``path`` (disk full, no permission) into an OutputError that names it."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        remedy = "make room, then go on with --resume" if full else "choose another folder with -o"
+        raise OutputError(f"{path}: cannot be written: {reason} ({remedy})") from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary name to write to; it takes the place of ``path`` when all went well, and is removed otherwise.
+
+    Raises OutputError when the file cannot be written; what was there before is then intact.
+    """
+    draft = path.with_name(f".{path.stem}.new{path.suffix}")
+    try:
+        with writing(path):
+            yield draft
+            os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def prepare(folder: Path, *, owned: bool) -> None:
+    """Make the folder and make sure it can be written to.
+
+    Raises OutputError: it is not writable; or it is not empty and, not ``owned``, holds no run of macrofit.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not owned and any(folder.iterdir()):
+            raise OutputError(
+                f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o"
+            )
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"macrofit")
+
+
+def clear(folder: Path) -> None:
+    """Remove the results of an earlier run, and nothing else."""
+    with writing(folder):
+        for stale in (folder / CURVE, folder / SUMMARY, folder / INTERFACE, *folder.glob("*.png")):
+            stale.unlink(missing_ok=True)
+        for pattern in ("*.vtu", "*.pvd"):
+            for stale in (folder / FIELDS).glob(pattern):
+                stale.unlink()
+
+
+def write_scene(folder: Path, scene: Scene) -> None:
+    """The resolved scene, every default written out: scene.toml."""
+    with replacing(folder / SCENE) as draft:
+        draft.write_text(dump_scene(scene))
+
+
+def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
+    """summary.json; its presence says that the run is complete."""
+    with replacing(folder / SUMMARY) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
+
+
+class CurveFile:
+    """The monitor that writes fitting_curve.csv, one row as soon as an increment is accepted."""
+
+    def __init__(self, folder: Path, before: Sequence[Increment] = ()) -> None:
+        self.path = folder / CURVE
+        self.records = list(before)  # everything accepted so far, those of the resumed run first
+        self._last = before[-1].index if before else -1
+        with writing(self.path):
+            self._file: TextIO = self.path.open("w")
+            self._file.write("".join([HEADER + "\n", *(_row(record) for record in before)]))
+            self._file.flush()
+
+    def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
+        """Nothing: the header is there."""
+
+    def increment(self, record: Increment) -> None:
+        """Write the increment; one that the resumed run already had is not written twice."""
+        if record.index <= self._last:
+            return
+        with writing(self.path):
+            self._file.write(_row(record))
+            self._file.flush()
+        self.records.append(record)
+
+    def finished(self) -> None:
+        """Close the file."""
+        with writing(self.path):
+            self._file.close()
+
+
+def _row(record: Increment) -> str:
+    return (
+        f"{record.displacement!r},{record.force!r},{record.normal_force!r},{record.mean_friction!r},"
+        f"{record.max_pressure!r},{record.active_facets},{record.sticking_facets},{record.newton_iterations},"
+        f"{record.wall_s:.6f}\n"
+    )
+
+
+def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
+    """Displacement [mm] and force [N] from the fitting curve of a folder, or from such a file itself.
+
+    Raises OutputError when there is none or it is not one of macrofit.
+    """
+    path = folder / CURVE if folder.is_dir() else folder
+    try:
+        lines = path.read_text().splitlines()
+        if lines[:1] != [HEADER]:
+            raise OutputError(f"{path}: is not a fitting curve of macrofit (its first line is not the header)")
+        rows = [line.split(",") for line in lines[1:]]
+        values = np.array([[float(row[0]), float(row[1])] for row in rows]).reshape(-1, 2)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, IndexError):
+        raise OutputError(f"{path}: holds a row that is not numbers") from None
+    return values[:, 0], values[:, 1]
+
+
+def seat_of(scene: Scene) -> FloatArray | None:
+    """Facet ends of the seat [mm] from the scene alone, for a run that ended before its solution was there."""
+    if not isinstance(scene.axle, Drawn):
+        return draw(scene.axle, "seat", scene.mesh.seat_facet).generatrix.nodes(scene.mesh.seat_facet)
+    if scene.mesh.axle is None:
+        return None
+    try:
+        mesh = read_mesh(scene.mesh.axle, "axle")
+    except MacrofitError:
+        return None
+    return np.unique(mesh.points[mesh.edges["seat"]][..., 1 if scene.direction == "radial" else 0])
+
+
+def write_interface(folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]) -> None:
+    """interface.h5: the state of every facet of the seat at every increment, (increments, facets).
+
+    ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN.
+    """
+    import h5py
+
+    facets = len(records[0].facets.pressure) if records else 0
+    if seat is None or len(seat) != facets + 1:
+        seat = np.full(facets + 1, np.nan)
+    line = {"facet_start": seat[:-1], "facet_end": seat[1:]}
+    middle = 0.5 * (seat[:-1] + seat[1:])
+    with replacing(folder / INTERFACE) as draft, _as_os_error(), h5py.File(draft, "w") as file:
+        file.attrs["title"] = scene.title
+        file.attrs["coordinate"] = "z" if scene.direction == "radial" else "r"
+        _dataset(file, "displacement", np.array([record.displacement for record in records]), "mm")
+        for name, values in line.items():
+            _dataset(file, name, values, "mm")
+        _dataset(file, "z", np.broadcast_to(middle, (len(records), facets)), "mm")
+        for item in fields(FacetState):
+            rows = [getattr(record.facets, item.name) for record in records]
+            _dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
+
+
+@contextmanager
+def _as_os_error() -> Iterator[None]:
+    """On a full disk HDF5 raises RuntimeError where it closes a file."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise OSError(errno.EIO, str(error)) from error
+
+
+def _dataset(file: Any, name: str, values: Any, unit: str) -> None:
+    squeezed = {"compression": "gzip", "compression_opts": 1} if values.ndim == 2 and values.size else {}
+    file.create_dataset(name, data=values, **squeezed).attrs["unit"] = unit
+
+
+def write_fields(folder: Path, solution: Solution) -> None:
+    """fields/: a .vtu per body and displacement, a .pvd per body that lists them. x is r and y is z [mm]."""
+    if not solution.fields:
+        return
+    target = folder / FIELDS
+    with writing(target):
+        target.mkdir(exist_ok=True)
+    steps = sorted(solution.fields.items())
+    for body in ("axle", "wheel"):
+        names = []
+        for number, (displacement, bodies) in enumerate(steps):
+            if body in bodies:
+                names.append((displacement, f"{body}_{number:04d}.vtu"))
+                with replacing(target / names[-1][1]) as draft:
+                    _vtk_mesh(bodies[body], solution.scene.output.fields).write(draft, file_format="vtu")
+        with replacing(target / f"{body}.pvd") as draft:
+            draft.write_text(_collection(names))
+
+
+def _vtk_mesh(field: BodyField, asked: Iterable[str]) -> Any:
+    import meshio
+
+    cells = field.cells
+    if cells.shape[1] == 6:  # ours: middles opposite to vertices 0, 1, 2; VTK: middles of edges 01, 12, 20
+        cells = cells[:, [0, 1, 2, 5, 3, 4]]
+    kind = "triangle" if cells.shape[1] == 3 else "triangle6"
+    flat = np.zeros(len(field.points))
+    data: dict[str, Any] = {}
+    if "displacement" in asked:
+        data["displacement"] = np.column_stack([field.displacement, flat])
+    if "von_mises" in asked:
+        data["von_mises"] = field.von_mises
+    if "stress" in asked:
+        names = ("stress_rr", "stress_zz", "stress_tt", "stress_rz")
+        data |= {name: field.stress[:, k].copy() for k, name in enumerate(names)}
+    return meshio.Mesh(np.column_stack([field.points, flat]), [(kind, cells)], point_data=data)
+
+
+def _collection(names: Iterable[tuple[float, str]]) -> str:
+    lines = [f'    <DataSet timestep="{time!r}" part="0" file="{name}"/>\n' for time, name in names]
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+    return head + "".join(lines) + "  </Collection>\n</VTKFile>\n"

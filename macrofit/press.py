@@ -1,0 +1,265 @@
+"""The increments of a press-fit: trial, accept or cut back, commit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .body import ContactLine
+from .contact import Answer, Facing, Status
+from .errors import ConvergenceError
+from .friction import FrictionField, tile_overlaps
+from .geometry import FloatArray
+from .interface import Pairing, Seat, pair, rotate
+from .mesh import IntArray
+from .newton import LinearProblem, Report, newton
+from .scene import Scene
+from .solution import OPEN, SLIP, STICK, FacetState, Increment
+
+TILE = 1.0  # mm, length of a friction tile
+
+
+class Engine(Protocol):
+    """What solves the linear problems: the condensed interface or the whole sparse system."""
+
+    factorisations: int
+
+    def problem(self, facing: Facing) -> LinearProblem:
+        """The linear problems of one increment."""
+        ...
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything an increment starts from."""
+
+    displacement: float
+    direction: float  # sign of the last motion
+    seat_displacement: FloatArray  # (2 trace nodes,) [mm]
+    bore_displacement: FloatArray  # (2 bore nodes,) [mm]
+    seat_load: FloatArray  # (2 loaded nodes,) [N]
+    bore_load: FloatArray  # (2 bore nodes,) [N]
+    pressure: FloatArray  # (facets,) [MPa]
+    accumulated_slip: FloatArray  # (facets,) [mm]
+    kind: IntArray  # (facets, moments) status
+    sign: IntArray  # (facets, moments) of the slip
+
+    def arrays(self) -> dict[str, FloatArray | IntArray]:
+        """The state as named arrays, for a journal."""
+        return {name: np.asarray(getattr(self, name)) for name in self.__dataclass_fields__}
+
+    @staticmethod
+    def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
+        """The inverse of ``arrays``."""
+        scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
+        return State(**{**arrays, **scalars})  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Step:
+    """The trial of one displacement; its state counts where Newton's method converged."""
+
+    state: State
+    report: Report
+    facets: FacetState
+    force: float
+    normal_force: float
+    friction_force: float  # integral of friction * pressure
+    strain_energy: float
+    dissipation: float
+
+
+class Press:
+    """A press-fit: the two contact lines, an engine, the friction field, and one increment at a time."""
+
+    def __init__(self, scene: Scene, seat: Seat, bore: ContactLine, engine: Engine, friction: FrictionField) -> None:
+        self.scene, self.seat, self.bore, self.engine, self.friction = scene, seat, bore, engine, friction
+
+    def rest(self) -> State:
+        """The undeformed state before the first increment."""
+        line = self.seat.line
+        moments = np.zeros((line.facets, self.seat.moments), dtype=np.int64)
+        return State(
+            self.scene.displacements[0], 0.0, np.zeros(2 * line.trace_nodes), np.zeros(2 * len(self.bore.nodes)),
+            np.zeros(2 * self.seat.loaded), np.zeros(2 * len(self.bore.nodes)),
+            np.zeros(line.facets), np.zeros(line.facets), moments, moments,
+        )
+
+    def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
+        """The increments of the scene from number ``first`` on, each with the state it leaves.
+
+        Raises ConvergenceError where no cutback helps, ProviderError where friction cannot be had.
+        """
+        for index, displacement in enumerate(self.scene.displacements[first:], start=first):
+            started = time.perf_counter()
+            steps, cutbacks = self.reach(state, displacement)
+            state = steps[-1].state
+            yield _record(index, steps, cutbacks, time.perf_counter() - started), state
+
+    def reach(self, state: State, displacement: float) -> tuple[list[Step], int]:
+        """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
+
+        Raises ConvergenceError when a step would get shorter than 2^-max_cutbacks of the increment.
+        """
+        whole = displacement - state.displacement
+        steps: list[Step] = []
+        halvings = cutbacks = 0
+        target = displacement
+        while True:
+            step = self.trial(state, target)
+            if step.report.converged:
+                steps.append(step)
+                state = step.state
+                if target == displacement:
+                    return steps, cutbacks
+            else:
+                halvings, cutbacks = halvings + 1, cutbacks + 1
+                if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
+                    raise ConvergenceError(
+                        f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
+                        f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try a smaller motion.increment, "
+                        f"or contact.gamma0 nearer to 10"
+                    )
+            target = state.displacement + whole * 0.5**halvings
+            if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
+                target = displacement
+
+    def trial(self, state: State, displacement: float) -> Step:
+        """Solve one displacement from a committed state, which is left as it is."""
+        pairing = pair(self.seat.line, self.bore, displacement)
+        if pairing is None:
+            return self._apart(state, displacement)
+        moved = displacement - state.displacement
+        covered = self.seat.cover(pairing.portions)
+        bore_jump = rotate(covered.normals, pairing.bore_jump)
+        old = (covered.jump @ state.seat_displacement - bore_jump @ state.bore_displacement).reshape(2, -1)
+        approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + old[1]])
+        facing = Facing(covered, pairing, bore_jump, approach, self.seat.line.radial, self.seat.nitsche)
+        friction = self._facet_friction(pairing, state, displacement)[covered.facet]
+        guess = _first_guess(state, facing, friction, moved, pairing.gap - old[0])
+        problem = self.engine.problem(facing)
+        report = newton(problem, friction, guess, facing.kappa(state.bore_displacement))
+        return self._step(state, displacement, facing, friction, report, problem.displacements(report.answer))
+
+    def _facet_friction(self, pairing: Pairing, state: State, displacement: float) -> FloatArray:
+        """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
+        s, b = self.seat.line.coordinate, self.bore.coordinate
+        start, end = s[:-1].copy(), s[:-1].copy()
+        facets = pairing.portions.facet
+        start[facets], end[facets] = pairing.portions.start, pairing.portions.end
+        edge = float(b[-1]) + (displacement if self.seat.line.radial else 0.0)
+        overlaps = tile_overlaps(start, end, edge, TILE, tiles(s), tiles(b), seat_origin=float(s[0]))
+        return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
+
+    def _step(self, state: State, displacement: float, facing: Facing, friction: FloatArray, report: Report,
+              displacements: tuple[FloatArray, FloatArray]) -> Step:
+        """What a trial leaves: the next state, resultants and energies."""
+        answer, weight = report.answer, facing.covered.weight
+        seat_load, bore_load = facing.loads(answer.total)
+        gap, slip = facing.opening(*displacements)
+        facets = self._facet_state(state, facing, answer, report.status, friction, gap, slip)
+        moved = displacement - state.displacement
+        after = State(
+            displacement, float(np.sign(moved)) or state.direction, *displacements, seat_load, bore_load,
+            facets.pressure, facets.accumulated_slip,
+            *(self._by_moment(facing, values) for values in (report.status.kind, report.status.sign)),
+        )
+        pressure = -answer.traction[0]
+        return Step(
+            after, report, facets, facing.axial_force(answer.total), float(weight @ pressure),
+            float(weight @ (friction * pressure)), self._strain_energy(after), float(weight @ (answer.traction[1] * slip)),
+        )
+
+    def _strain_energy(self, state: State) -> float:
+        """1/2 u' K u of both bodies [N mm]."""
+        seat = state.seat_displacement.reshape(2, -1)[:, : self.seat.loaded].ravel()
+        energy = 0.5 * float(state.seat_load @ seat + state.bore_load @ state.bore_displacement)
+        stabilisation = self.seat.stabilisation if self.seat.theta else None
+        if stabilisation is not None:
+            energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
+        return energy
+
+    def _by_moment(self, facing: Facing, values: IntArray) -> IntArray:
+        every = np.zeros((self.seat.line.facets, self.seat.moments), dtype=np.int64)
+        every[facing.pairing.portions.facet] = values.reshape(-1, self.seat.moments)
+        return every
+
+    def _facet_state(self, state: State, facing: Facing, answer: Answer, status: Status, friction: FloatArray,
+                     gap: FloatArray, slip: FloatArray) -> FacetState:
+        facets, m = facing.pairing.portions.facet, self.seat.moments
+        weight = facing.covered.weight.reshape(-1, m)
+
+        def mean(values: FloatArray) -> FloatArray:
+            every = np.zeros(self.seat.line.facets)
+            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / weight.sum(axis=1)
+            return every
+
+        slipped = mean(np.where(status.kind == SLIP, slip, 0.0))
+        kind = np.zeros(self.seat.line.facets, dtype=np.int64)
+        kinds = status.kind.reshape(-1, m)
+        kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
+        return FacetState(
+            mean(-answer.traction[0]), mean(answer.traction[1]), mean(gap), slipped,
+            state.accumulated_slip + np.abs(slipped), kind, mean(friction),
+        )
+
+    def _apart(self, state: State, displacement: float) -> Step:
+        """The bodies face each other nowhere: everything is zero."""
+        rest = self.rest()
+        after = State(**{**rest.arrays(), "displacement": displacement, "direction": state.direction,  # type: ignore[arg-type]
+                         "accumulated_slip": state.accumulated_slip})
+        zero = np.zeros(self.seat.line.facets)
+        nothing = np.zeros((2, 0))
+        none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
+        report = Report(Answer(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
+        facets = FacetState(zero, zero, zero, zero, state.accumulated_slip, zero.astype(np.int64), zero)
+        return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _first_guess(state: State, facing: Facing, friction: FloatArray, moved: float, overlap: FloatArray) -> Status:
+    """The status before, facet by facet; where that was open, sliding contact where the old displacements overlap.
+
+    A motion that turns around starts from stick.
+    """
+    facets = facing.pairing.portions.facet
+    kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
+    fresh = (kind == OPEN) & (overlap < 0.0)
+    kind = np.where(fresh, SLIP, kind)
+    sign = np.where(fresh, int(np.sign(moved * facing.covered.normals[0, 0])), sign)
+    if moved * state.direction < 0.0:
+        kind = np.where(kind == SLIP, STICK, kind)
+    kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
+    kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
+    sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
+    return Status(kind.astype(np.int8), sign.astype(np.int8))
+
+
+def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
+    last = steps[-1]
+    return Increment(
+        index=index,
+        displacement=last.state.displacement,
+        force=last.force,
+        normal_force=last.normal_force,
+        mean_friction=last.friction_force / last.normal_force if last.normal_force else 0.0,
+        max_pressure=float(last.facets.pressure.max(initial=0.0)),
+        active_facets=int((last.facets.status != OPEN).sum()),
+        sticking_facets=int((last.facets.status == STICK).sum()),
+        newton_iterations=sum(step.report.iterations for step in steps),
+        cutbacks=cutbacks,
+        residual=last.report.residual,
+        converged=last.report.converged,
+        strain_energy=last.strain_energy,
+        dissipation=sum(step.dissipation for step in steps),
+        wall_s=wall_s,
+        facets=last.facets,
+    )
+
+
+def tiles(coordinate: FloatArray) -> int:
+    """Number of friction tiles on a contact line."""
+    return max(1, int(np.ceil((coordinate[-1] - coordinate[0]) / TILE - 1e-9)))
