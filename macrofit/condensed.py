@@ -31,12 +31,15 @@ class Condensed:
         self.seat, self.axle, self.wheel = seat, axle, wheel
         self.factorisations = 0
         size, room = seat.size, seat.size + 2 * seat.moments
-        self._influence = np.zeros((2, 2, room, room))  # rows and columns of two partly covered facets at the end
-        influence = seat.full.trial @ (seat.full.load @ axle.compliance.T).T
-        for i in range(2):
-            for j in range(2):
-                block = influence[i * size : (i + 1) * size, j * size : (j + 1) * size]
-                self._influence[i, j, :size, :size] = block
+        # [j, i][column, row]: component i of the approach of a row under component j of a unit force on a column;
+        # the last rows and columns are for partly covered facets
+        self._influence = np.zeros((2, 2, room, room))
+        self._transposed = np.ascontiguousarray(axle.compliance.T)
+        influence = seat.full.load @ np.ascontiguousarray((seat.full.trial @ axle.compliance).T)
+        for j in range(2):
+            for i in range(2):
+                block = influence[j * size : (j + 1) * size, i * size : (i + 1) * size]
+                self._influence[j, i, :size, :size] = block
 
     def problem(self, facing: Facing) -> CondensedProblem:
         """The linear problems of one increment; recomputes the influence of partly covered facets."""
@@ -44,36 +47,38 @@ class Condensed:
             self._insert(facing.covered.partial)
         return CondensedProblem(self, facing)
 
-    def influence(self, i: int, j: int, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Component i of the approach of ``rows`` under component j of unit forces on ``columns`` [mm/N]."""
-        return np.asarray(self._influence[i, j][np.ix_(rows, columns)])
+    def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
+        """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
+        index, n = facing.covered.index, facing.moments
+        jump = facing.pairing.bore_jump
+        spread = np.ascontiguousarray((jump[rows * n : (rows + 1) * n] @ self.wheel.compliance).T)
+        both = jump @ spread
+        return [self._influence[j, rows][np.ix_(index, index)] + both[j * n : (j + 1) * n] for j in range(2)]
 
-    def respond(self, index: IntArray, forces: FloatArray) -> FloatArray:
-        """The axle's share of A W tau (2, n) for forces W tau (2, n) on the moments ``index``."""
+    def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A W tau (2, n) [mm] and the bore's displacement for forces W tau (2, n) [N]."""
+        index = facing.covered.index
         spread = np.zeros((2, self._influence.shape[2]))
         spread[:, index] = forces
-        both = [self._influence[i, 0] @ spread[0] + self._influence[i, 1] @ spread[1] for i in range(2)]
-        return np.stack(both)[:, index]
-
-    def displace(self, seat_load: FloatArray, bore_load: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Displacements of the axle's trace nodes and of the bore's nodes under nodal forces [N]."""
-        return self.axle.compliance @ seat_load, self.wheel.compliance @ bore_load
+        both = [spread[0] @ self._influence[0, i] + spread[1] @ self._influence[1, i] for i in range(2)]
+        bore = -(self.wheel.compliance @ (facing.pairing.bore_jump.T @ forces.ravel()))
+        return np.stack(both)[:, index] - (facing.pairing.bore_jump @ bore).reshape(2, -1), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
         full, compliance = self.seat.full, self.axle.compliance
         k, size = len(partial.weight), self.seat.size
         spare = slice(size, size + k)
-        reach = partial.trial @ compliance
-        across = full.load @ reach.T
-        along = full.trial @ (partial.load @ compliance.T).T
-        corner = (partial.load @ reach.T).T
-        for i in range(2):
-            for j in range(2):
-                block = self._influence[i, j]
-                block[spare, :size] = across[j * size : (j + 1) * size, i * k : (i + 1) * k].T
-                block[:size, spare] = along[i * size : (i + 1) * size, j * k : (j + 1) * k]
-                block[spare, spare] = corner[i * k : (i + 1) * k, j * k : (j + 1) * k]
+        reach = (partial.trial @ compliance).T
+        rows = full.load @ reach
+        columns = (full.trial @ (partial.load @ self._transposed).T).T
+        corner = partial.load @ reach
+        for j in range(2):
+            for i in range(2):
+                block = self._influence[j, i]
+                block[:size, spare] = rows[j * size : (j + 1) * size, i * k : (i + 1) * k]
+                block[spare, :size] = columns[j * k : (j + 1) * k, i * size : (i + 1) * size]
+                block[spare, spare] = corner[j * k : (j + 1) * k, i * k : (i + 1) * k]
 
 
 class CondensedProblem:
@@ -81,46 +86,58 @@ class CondensedProblem:
 
     def __init__(self, engine: Condensed, facing: Facing) -> None:
         self.engine, self.facing = engine, facing
+        self._rows: dict[int, list[FloatArray]] = {}
         self._status: Status | None = None
-        self._traction = np.zeros((2, facing.moments))
         self._lu: tuple[FloatArray, FloatArray] | None = None
+        n = facing.moments
+        self._traction, self._response, self._kappa = np.zeros((2, n)), np.zeros((2, n)), np.zeros(n)
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
         """Solve for the traction; where only kappa changed, correct the last answer with the factors at hand."""
-        active = np.flatnonzero(status.kind != OPEN)
-        sticking = np.flatnonzero(status.kind == STICK)
+        facing = self.facing
+        active, sticking = np.flatnonzero(status.kind != OPEN), np.flatnonzero(status.kind == STICK)
         slipping = np.flatnonzero(status.kind == SLIP)
         if self._status is None or not self._status.same(status):
+            self._status = status
+            self._traction, self._response = np.zeros((2, facing.moments)), np.zeros((2, facing.moments))
             self._factor(status, kappa, friction, active, sticking)
-        traction = self._traction
-        residual = (self._trial(traction, kappa)[0] - traction) / self.facing.covered.gamma
+        else:
+            self._turn(kappa, stick=len(sticking) > 0)
+        residual = facing.residual(self._traction, self._response, kappa)
         unknown = np.concatenate([residual[0, active], residual[1, sticking]])
         step = sla.lu_solve(self._lu, unknown, check_finite=False) if len(unknown) else unknown
-        traction = traction.copy()
+        traction = self._traction.copy()
         traction[0, active] += step[: len(active)]
         traction[1, sticking] += step[len(active) :]
         traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
-        self._traction = traction
-        trial, total, bore = self._trial(traction, kappa)
-        return Answer(traction, trial, total, self.facing.kappa(bore))
+        total = facing.total(traction, kappa)
+        self._response, bore = self.engine.respond(facing, facing.covered.weight * total)
+        self._traction, self._kappa = traction, kappa
+        trial = traction + facing.covered.gamma * facing.residual(traction, self._response, kappa)
+        return Answer(traction, trial, total, facing.kappa(bore))
 
     def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's trace nodes and of the bore's nodes [mm]."""
-        return self.engine.displace(*self.facing.loads(answer.total))
+        seat_load, bore_load = self.facing.loads(answer.total)
+        return self.engine.axle.compliance @ seat_load, self.engine.wheel.compliance @ bore_load
 
-    def _trial(self, traction: FloatArray, kappa: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Trial traction and tau (2, n), and the bore's displacement, that a traction (2, n) leads to."""
-        facing = self.facing
-        total = facing.total(traction, kappa)
-        forces = facing.covered.weight * total
-        bore = -(self.engine.wheel.compliance @ (facing.bore_jump.T @ forces.ravel()))
-        response = self.engine.respond(facing.covered.index, forces) - (facing.bore_jump @ bore).reshape(2, -1)
-        trial = facing.covered.gamma * (facing.approach - response)
-        return (trial - (total - traction) if facing.nitsche else trial), total, bore
+    def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
+        """Follow a change of kappa in the rows of the response that the next residual needs."""
+        forces = self.facing.covered.weight * (
+            self.facing.total(self._traction, kappa) - self.facing.total(self._traction, self._kappa)
+        )
+        for i in (0, 1) if stick else (0,):
+            rows = self._influence(i)
+            self._response[i] += forces[0] @ rows[0] + forces[1] @ rows[1]
+
+    def _influence(self, component: int) -> list[FloatArray]:
+        """The influence on one component of the approaches, computed when first needed in this increment."""
+        if component not in self._rows:
+            self._rows[component] = self.engine.influence(self.facing, component)
+        return self._rows[component]
 
     def _factor(self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray,
                 sticking: IntArray) -> None:
-        self._status, self._traction = status, np.zeros((2, self.facing.moments))
         if len(active):
             matrix = self.matrix(status, kappa, friction, active, sticking)
             self._lu = sla.lu_factor(matrix, overwrite_a=True, check_finite=False)
@@ -132,32 +149,22 @@ class CondensedProblem:
 
         A slipping moment has lambda_t = -sign mu lambda_n, and Q = -kappa lambda_n e_z.
         """
-        engine, covered = self.engine, self.facing.covered
-        index, weight = covered.index, covered.weight
+        covered = self.facing.covered
         n_r, n_z = covered.normals.T
-        normal = (weight * (1.0 - kappa * n_z))[active]
-        drag = (weight * (-status.sign * friction - kappa * n_r))[active]
+        normal = (covered.weight * (1.0 - kappa * n_z))[active, None]
+        drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
         a, k = len(active), len(sticking)
-        matrix = np.asfortranarray(self._bore_part(active, sticking, normal, drag))
+        transposed = np.empty((a + k, a + k))
         for i, rows, part in ((0, active, slice(0, a)), (1, sticking, slice(a, a + k))):
             if len(rows):
-                matrix[part, :a] += engine.influence(i, 0, index[rows], index[active]) * normal
-                matrix[part, :a] += engine.influence(i, 1, index[rows], index[active]) * drag
-            if k:
-                matrix[part, a:] += engine.influence(i, 1, index[rows], index[sticking]) * weight[sticking]
+                across, along = self._influence(i)
+                every = np.ix_(active, rows)
+                transposed[:a, part] = normal * across[every] + drag * along[every]
+                if k:
+                    transposed[a:, part] = covered.weight[sticking, None] * along[np.ix_(sticking, rows)]
         share = kappa if self.facing.nitsche else np.zeros_like(kappa)
-        diagonal = np.arange(a + k)
         own = (1.0 - share * n_z) / covered.gamma
-        matrix[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
-        matrix[a + np.arange(k), np.searchsorted(active, sticking)] -= (share * n_r / covered.gamma)[sticking]
-        return matrix
-
-    def _bore_part(self, active: IntArray, sticking: IntArray, normal: FloatArray, drag: FloatArray) -> FloatArray:
-        """The wheel's share of the matrix, N C_w N' on the unknowns."""
-        jump, n = self.facing.bore_jump, self.facing.moments
-        rows = jump[np.concatenate([active, n + sticking])]
-        columns = sp.diags(normal) @ jump[active] + sp.diags(drag) @ jump[n + active]
-        if len(sticking):
-            held = sp.diags(self.facing.covered.weight[sticking]) @ jump[n + sticking]
-            columns = sp.vstack([columns, held], format="csr")
-        return np.asarray(rows @ (columns @ self.engine.wheel.compliance).T)
+        diagonal = np.arange(a + k)
+        transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
+        transposed[np.searchsorted(active, sticking), a + np.arange(k)] -= (share * n_r / covered.gamma)[sticking]
+        return transposed.T

@@ -27,7 +27,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 
 from .geometry import FloatArray
 from .interface import CoveredSeat, Pairing
@@ -64,7 +63,6 @@ class Facing:
 
     covered: CoveredSeat
     pairing: Pairing
-    bore_jump: sp.csr_matrix  # (2 n, 2 bore nodes) N
     approach: FloatArray  # (2, n) g: gap and slip of the undeformed bodies [mm]
     radial: bool
     nitsche: bool
@@ -78,10 +76,15 @@ class Facing:
         """tau = lambda + Q (2, n): in the facet's frame the axial direction is (n_z, n_r)."""
         return traction - traction[0] * kappa * self.covered.normals.T[::-1]
 
+    def residual(self, traction: FloatArray, response: FloatArray, kappa: FloatArray) -> FloatArray:
+        """(2, n) (trial - lambda) / gamma = g - A W tau - (lambda [+ Q]) / gamma, for the response A W tau [mm]."""
+        own = self.total(traction, kappa) if self.nitsche else traction
+        return self.approach - response - own / self.covered.gamma
+
     def loads(self, total: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nodal forces [N] on the axle's loaded nodes and on the bore's nodes."""
-        forces = (self.covered.weight * total).ravel()
-        return self.covered.load.T @ forces, -(self.bore_jump.T @ forces)
+        forces = self.covered.weight * total
+        return self.covered.loads(forces), -(self.pairing.bore_jump.T @ forces.ravel())
 
     def axial_force(self, total: FloatArray) -> float:
         """Axial resultant on the axle [N]: the pushing force."""
@@ -99,8 +102,7 @@ class Facing:
 
     def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
         """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
-        jump = self.covered.jump @ seat - self.bore_jump @ bore
-        return self.approach - jump.reshape(2, -1)
+        return self.approach - self.covered.apply("jump", seat) + (self.pairing.bore_jump @ bore).reshape(2, -1)
 
 
 def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:

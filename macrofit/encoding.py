@@ -1,7 +1,7 @@
-"""Increments as bytes that give the numbers back to the bit: frames with a check sum, records of plain arrays.
+"""Increments as bytes that give the numbers back to the bit: frames with a check sum, plain arrays.
 
-A frame is the length and the CRC-32 of its content (both little-endian, 4 bytes), then the content. An array is its
-type, shape and bytes. The container is MessagePack; nothing is ever unpickled.
+A frame is the length and the CRC-32 of its content (both little-endian, 4 bytes), then the content. An array
+is its type, shape and bytes. The container is MessagePack; nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def frame(content: bytes) -> bytes:
 def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
     """The contents of the frames from ``start`` on, each with the place where its frame ends.
 
-    Stops before a last frame that was torn while it was written. Raises ValueError for a damaged one before it.
+    Stops before a last frame that was torn while it was written. Raises ValueError for a damaged one.
     """
     place = start
     while place + _FRAME.size <= len(data):

@@ -58,22 +58,40 @@ class SeatRows:
     jump: sp.csr_matrix  # (2 n, 2 trace nodes) J
     trial: sp.csr_matrix  # (2 n, 2 trace nodes) J - T/gamma; J for penalty
     load: sp.csr_matrix  # (2 n, 2 loaded nodes) J - theta/gamma T
+    load_transposed: sp.csr_matrix
     traction: sp.csr_matrix | None  # (2 n, 2 trace nodes) T [MPa/mm]; None for penalty
 
 
 @dataclass(frozen=True)
 class CoveredSeat:
-    """The seat's side at one displacement: n moments."""
+    """The seat's side at one displacement: n moments, of whole facets and of at most two partly covered ones."""
 
+    full: SeatRows
+    partial: SeatRows | None  # the rows of the partly covered moments, anew
     facet: IntArray  # (n,)
     index: IntArray  # (n,) number of the moment among all of the seat; partly covered ones come after these
     weight: FloatArray  # (n,) [mm2]
     gamma: FloatArray  # (n,) [MPa/mm]
     normals: FloatArray  # (n, 2)
-    jump: sp.csr_matrix  # (2 n, 2 trace nodes)
-    trial: sp.csr_matrix
-    load: sp.csr_matrix
-    partial: SeatRows | None  # the rows of the partly covered moments, anew
+
+    def apply(self, operator: str, displacement: FloatArray) -> FloatArray:
+        """(2, n) moments of ``operator`` ("jump", "trial") of a displacement of the trace nodes."""
+        size = len(self.full.weight)
+        values = (getattr(self.full, operator) @ displacement).reshape(2, -1)
+        if self.partial is not None:
+            extra = (getattr(self.partial, operator) @ displacement).reshape(2, -1)
+            values = np.concatenate([values[:, :size], extra], axis=1)
+        return values[:, self.index]
+
+    def loads(self, forces: FloatArray) -> FloatArray:
+        """Nodal forces (2 loaded nodes,) of forces (2, n) on the moments [N]."""
+        size = len(self.full.weight)
+        spread = np.zeros((2, size + (0 if self.partial is None else len(self.partial.weight))))
+        spread[:, self.index] = forces
+        nodal = self.full.load_transposed @ spread[:, :size].ravel()
+        if self.partial is not None:
+            nodal = nodal + self.partial.load_transposed @ spread[:, size:].ravel()
+        return np.asarray(nodal)
 
 
 @dataclass(frozen=True)
@@ -81,7 +99,7 @@ class Pairing:
     """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
 
     portions: Portions
-    bore_jump: sp.csr_matrix  # (p n, bore nodes): moments of the bore's displacement, either component
+    bore_jump: sp.csr_matrix  # (2 p n, 2 bore nodes): moments of the bore's displacement, N
     bore_slope: sp.csr_matrix  # (p n, bore nodes): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
@@ -125,22 +143,36 @@ def _shape(order: int, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, np.stack([4.0 * t - 3.0, 4.0 - 8.0 * t, 4.0 * t - 1.0], axis=1)
 
 
-def _moments(test: FloatArray, values: FloatArray, portion: IntArray, columns: IntArray, shape: tuple[int, int]
-             ) -> sp.csr_matrix:
-    """Sparse rows sum_q test[q, i] values[q, b], row portion[q] n + i, column columns[q, b]."""
+def _entries(test: FloatArray, values: FloatArray, portion: IntArray, columns: IntArray
+             ) -> tuple[FloatArray, IntArray, IntArray]:
+    """Entries sum_q test[q, i] values[q, b] at row portion[q] n + i, column columns[q, b]: data, rows, columns."""
     n = test.shape[1]
-    rows = (portion[:, None] * n + np.arange(n))[:, :, None]
-    data = test[:, :, None] * values[:, None, :]
-    rows, cols = np.broadcast_arrays(rows, columns[:, None, :])
-    return sp.csr_matrix((data.ravel(), (rows.ravel(), cols.ravel())), shape=shape)
+    shape = (len(test), n, values.shape[1])
+    rows = np.broadcast_to((portion[:, None] * n + np.arange(n))[:, :, None], shape)
+    return (
+        (test[:, :, None] * values[:, None, :]).ravel(),
+        rows.ravel(),
+        np.broadcast_to(columns[:, None, :], shape).ravel(),
+    )
 
 
-def rotate(normals: FloatArray, scalar: sp.csr_matrix) -> sp.csr_matrix:
-    """Rows (normal; tangential) x columns (r; z) of a displacement from the rows of either component."""
-    n_r, n_z = (sp.diags(normals[:, k]) @ scalar for k in (0, 1))
-    rotated = sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
-    rotated.eliminate_zeros()
-    return rotated
+def _scalar_rows(entries: tuple[FloatArray, IntArray, IntArray], shape: tuple[int, int]) -> sp.csr_matrix:
+    data, rows, columns = entries
+    return sp.csr_matrix((data, (rows, columns)), shape=shape)
+
+
+def _vector_rows(entries: tuple[FloatArray, IntArray, IntArray], normals: FloatArray, nodes: int) -> sp.csr_matrix:
+    """Rows (normal; tangential) on columns (r; z) of a displacement, from the entries for either component."""
+    data, rows, columns = entries
+    count = len(normals)
+    n_r, n_z = normals[rows].T
+    parts = [(rows, columns, n_r * data), (count + rows, nodes + columns, n_r * data)]
+    sloping = n_z != 0.0
+    if sloping.any():
+        rows, columns, data, n_z = rows[sloping], columns[sloping], data[sloping], n_z[sloping]
+        parts += [(rows, nodes + columns, n_z * data), (count + rows, columns, -n_z * data)]
+    all_rows, all_columns, all_data = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return sp.csr_matrix((all_data, (all_rows, all_columns)), shape=(2 * count, 2 * nodes))
 
 
 class Seat:
@@ -174,7 +206,7 @@ class Seat:
         values, _ = _shape(line.order, t)
         columns = line.order * facet[:, None] + np.arange(line.order + 1)
         normals = np.repeat(line.normals[portions.facet], n, axis=0)
-        jump = trial = load = rotate(normals, _moments(test, values, which, columns, (count * n, line.trace_nodes)))
+        jump = trial = load = _vector_rows(_entries(test, values, which, columns), normals, line.trace_nodes)
         traction = None
         if self.nitsche:
             traction = _traction_rows(line, portions, which, test, facet, t)
@@ -183,7 +215,7 @@ class Seat:
             load = (jump - self.theta * scaled).tocsr() if self.theta else jump
         nodes = np.arange(self.loaded)
         load = load[:, np.concatenate([nodes, line.trace_nodes + nodes])]
-        return SeatRows(portions.weight.ravel(), jump, trial, load, traction)
+        return SeatRows(portions.weight.ravel(), jump, trial, load, load.T.tocsr(), traction)
 
     def cover(self, portions: Portions) -> CoveredSeat:
         """The operators on the covered portions; only those of partly covered facets are computed."""
@@ -193,22 +225,12 @@ class Seat:
         base = facets * m
         base[part] = self.size + m * np.arange(len(part))
         index = (base[:, None] + np.arange(m)).ravel()
-        jump, trial, load, partial = self.full.jump, self.full.trial, self.full.load, None
+        partial = None
         if len(part):
             partial = self.rows(portions_of(self.line, facets[part], portions.start[part], portions.end[part]))
-            jump, trial, load = (
-                _append(a, b) for a, b in ((jump, partial.jump), (trial, partial.trial), (load, partial.load))
-            )
-        rows = np.concatenate([index, jump.shape[0] // 2 + index])
         facet = np.repeat(facets, m)
-        return CoveredSeat(facet, index, portions.weight.ravel(), self.gamma[facet], self.line.normals[facet],
-                           jump[rows], trial[rows], load[rows], partial)
-
-
-def _append(full: sp.csr_matrix, spare: sp.csr_matrix) -> sp.csr_matrix:
-    """Append the rows of spare moments to both components of the full ones."""
-    n, k = full.shape[0] // 2, spare.shape[0] // 2
-    return sp.vstack([full[:n], spare[:k], full[n:], spare[k:]], format="csr")
+        return CoveredSeat(self.full, partial, facet, index, portions.weight.ravel(), self.gamma[facet],
+                           self.line.normals[facet])
 
 
 def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> FloatArray:
@@ -231,7 +253,7 @@ def _traction_rows(line: ContactLine, portions: Portions, which: IntArray, test:
     cells = line.cells[facet]
     columns = np.stack([cells, line.trace_nodes + cells], axis=2).reshape(len(facet), -1)
     shape = (portions.weight.size, 2 * line.trace_nodes)
-    return sp.vstack([_moments(test, rows, which, columns, shape) for rows in local], format="csr")
+    return sp.vstack([_scalar_rows(_entries(test, rows, which, columns), shape) for rows in local], format="csr")
 
 
 def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
@@ -263,7 +285,7 @@ def _pairing(seat: ContactLine, bore: ContactLine, travel: float, shift: float, 
     zeta = s - shift
     values, slopes = _shape(bore.order, (zeta - x[bore_facet]) / extent)
     columns = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
-    shape = (portions.weight.size, len(bore.nodes))
+    normals = np.repeat(seat.normals[portions.facet], test.shape[1], axis=0)
     normal = seat.normals[portions.facet[which]]
     height = bore.generatrix.height(zeta) - seat.generatrix.height(s)
     if seat.radial:
@@ -273,8 +295,8 @@ def _pairing(seat: ContactLine, bore: ContactLine, travel: float, shift: float, 
         gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
     return Pairing(
         portions,
-        _moments(test, values, which, columns, shape),
-        _moments(test, slopes / extent[:, None], which, columns, shape),
+        _vector_rows(_entries(test, values, which, columns), normals, len(bore.nodes)),
+        _scalar_rows(_entries(test, slopes / extent[:, None], which, columns), (len(normals), len(bore.nodes))),
         _mean(test, gap, which, len(portions.facet)),
         _mean(test, lean, which, len(portions.facet)),
     )

@@ -1,8 +1,8 @@
 """The journal of a run: every accepted increment with the state to go on from, safe against a kill.
 
-The file starts with a signature and a frame that holds the scene; then comes one frame per increment, written by one
-call once the increment is accepted. A kill can only tear the last one, and reading drops it. The data are left to the
-operating system at once but not forced onto the disk: a power cut may cost the last increments, never the earlier.
+The file starts with a signature and a frame that holds the scene; then comes one frame per increment, written
+by one call once the increment is accepted. A kill can only tear the last one, and reading drops it. The data
+go to the operating system at once but are not forced onto the disk: a power cut may cost the last increments.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Journal:
     def start(cls, path: Path, scene: Scene, *, replace: bool = False) -> Journal:
         """A new journal in place of whatever journal is there.
 
-        Raises OutputError: a run is writing it; or, unless ``replace``, it holds increments of this very scene,
-        which `resume` could go on from; or it cannot be written.
+        Raises OutputError: a run is writing it; or, unless ``replace``, it holds increments of this very
+        scene, which `resume` could go on from; or it cannot be written.
         """
         if path.exists():
             _refuse_to_lose(path, scene, replace)
@@ -236,7 +236,9 @@ def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
     except (StopIteration, ValueError, msgspec.MsgspecError):
         raise OutputError(f"{path}: its header is damaged; run without --resume") from None
     if header.version != VERSION:
-        raise OutputError(f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume")
+        raise OutputError(
+            f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume"
+        )
     return header, end
 
 

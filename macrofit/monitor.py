@@ -73,16 +73,18 @@ class Lines:
 
     def __init__(self, stream: IO[str] | None = None) -> None:
         self._stream = stream
+        self._total = 0
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
         """Say what is computed."""
+        self._total = total_increments
         title = f"{scene.title}: " if scene.title else ""
         self._say(f"{title}{total_increments} increments, {dofs} degrees of freedom")
 
     def increment(self, record: Increment) -> None:
         """Say where the wheel is and what it takes to push it."""
         text = (
-            f"increment {record.index:4d}  displacement {record.displacement:9.3f} mm"
+            f"increment {record.index + 1:4d}/{self._total}  displacement {record.displacement:9.3f} mm"
             f"  force {record.force / 1e3:10.3f} kN  pressure {record.max_pressure:8.2f} MPa"
             f"  Newton {record.newton_iterations:2d}"
         )

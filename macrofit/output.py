@@ -1,7 +1,7 @@
 """The files of a run: each is written beside its name and then put in place, so that none is ever half there.
 
-A folder belongs to macrofit once it holds a journal; a new run replaces what is in it. Any other folder that is not
-empty is refused, so that nothing of the user's is overwritten.
+A folder belongs to macrofit once it holds a journal; a new run replaces what is in it. Any other folder that
+is not empty is refused, so that nothing of the user's is overwritten.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 import msgspec
 import numpy as np
 
-from .errors import MacrofitError, OutputError
-from .geometry import FloatArray, draw
-from .mesh import read_mesh
-from .scene import Drawn, Scene, dump_scene
+from .errors import OutputError
+from .geometry import FloatArray
+from .scene import Scene, dump_scene
 from .solution import BodyField, FacetState, Increment
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name to write to; it takes the place of ``path`` when all went well, and is removed otherwise.
+    """A temporary name to write to, which takes the place of ``path`` when all went well.
 
     Raises OutputError when the file cannot be written; what was there before is then intact.
     """
@@ -134,12 +133,14 @@ class CurveFile:
             self._file.close()
 
 
+_EXACT = ("displacement", "force", "normal_force", "mean_friction", "max_pressure")
+_COUNTS = ("active_facets", "sticking_facets", "newton_iterations")
+
+
 def _row(record: Increment) -> str:
-    return (
-        f"{record.displacement!r},{record.force!r},{record.normal_force!r},{record.mean_friction!r},"
-        f"{record.max_pressure!r},{record.active_facets},{record.sticking_facets},{record.newton_iterations},"
-        f"{record.wall_s:.6f}\n"
-    )
+    cells = [repr(float(getattr(record, name))) for name in _EXACT]
+    cells += [str(int(getattr(record, name))) for name in _COUNTS]
+    return ",".join([*cells, f"{record.wall_s:.6f}"]) + "\n"
 
 
 def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +152,7 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     try:
         lines = path.read_text().splitlines()
         if lines[:1] != [HEADER]:
-            raise OutputError(f"{path}: is not a fitting curve of macrofit (its first line is not the header)")
+            raise OutputError(f"{path}: is not a fitting curve of macrofit, its header is another")
         rows = [line.split(",") for line in lines[1:]]
         values = np.array([[float(row[0]), float(row[1])] for row in rows]).reshape(-1, 2)
     except OSError as error:
@@ -161,20 +162,9 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     return values[:, 0], values[:, 1]
 
 
-def seat_of(scene: Scene) -> FloatArray | None:
-    """Facet ends of the seat [mm] from the scene alone, for a run that ended before its solution was there."""
-    if not isinstance(scene.axle, Drawn):
-        return draw(scene.axle, "seat", scene.mesh.seat_facet).generatrix.nodes(scene.mesh.seat_facet)
-    if scene.mesh.axle is None:
-        return None
-    try:
-        mesh = read_mesh(scene.mesh.axle, "axle")
-    except MacrofitError:
-        return None
-    return np.unique(mesh.points[mesh.edges["seat"]][..., 1 if scene.direction == "radial" else 0])
-
-
-def write_interface(folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]) -> None:
+def write_interface(
+    folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]
+) -> None:
     """interface.h5: the state of every facet of the seat at every increment, (increments, facets).
 
     ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN.
@@ -251,6 +241,6 @@ def _vtk_mesh(field: BodyField, asked: Iterable[str]) -> Any:
 
 
 def _collection(names: Iterable[tuple[float, str]]) -> str:
-    lines = [f'    <DataSet timestep="{time!r}" part="0" file="{name}"/>\n' for time, name in names]
+    lines = [f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n' for time, name in names]
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
     return head + "".join(lines) + "  </Collection>\n</VTKFile>\n"

@@ -14,7 +14,7 @@ from .contact import Answer, Facing, Status
 from .errors import ConvergenceError
 from .friction import FrictionField, tile_overlaps
 from .geometry import FloatArray
-from .interface import Pairing, Seat, pair, rotate
+from .interface import Pairing, Seat, pair
 from .mesh import IntArray
 from .newton import LinearProblem, Report, newton
 from .scene import Scene
@@ -135,15 +135,39 @@ class Press:
             return self._apart(state, displacement)
         moved = displacement - state.displacement
         covered = self.seat.cover(pairing.portions)
-        bore_jump = rotate(covered.normals, pairing.bore_jump)
-        old = (covered.jump @ state.seat_displacement - bore_jump @ state.bore_displacement).reshape(2, -1)
-        approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + old[1]])
-        facing = Facing(covered, pairing, bore_jump, approach, self.seat.line.radial, self.seat.nitsche)
+        bore_old = (pairing.bore_jump @ state.bore_displacement).reshape(2, -1)
+        slip_old = covered.apply("jump", state.seat_displacement)[1] - bore_old[1]
+        approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + slip_old])
+        facing = Facing(covered, pairing, approach, self.seat.line.radial, self.seat.nitsche)
         friction = self._facet_friction(pairing, state, displacement)[covered.facet]
-        guess = _first_guess(state, facing, friction, moved, pairing.gap - old[0])
+        guess = self._first_guess(state, facing, friction, moved)
         problem = self.engine.problem(facing)
         report = newton(problem, friction, guess, facing.kappa(state.bore_displacement))
         return self._step(state, displacement, facing, friction, report, problem.displacements(report.answer))
+
+    def _first_guess(self, state: State, facing: Facing, friction: FloatArray, moved: float) -> Status:
+        """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
+
+        A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
+        """
+        facets = facing.pairing.portions.facet
+        kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
+        line, points = self.seat.line, facing.pairing.portions.points
+        shift = moved if line.radial else 0.0
+        there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
+        inside = (there >= 0) & (there < line.facets)
+        came = state.kind[np.clip(there, 0, line.facets - 1)].max(axis=2)
+        fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
+        if not state.pressure.any():
+            fresh |= facing.pairing.gap < 0.0
+        kind = np.where(fresh, SLIP, kind)
+        sign = np.where(fresh, int(np.sign(moved * facing.covered.normals[0, 0])), sign)
+        if moved * state.direction < 0.0:
+            kind = np.where(kind == SLIP, STICK, kind)
+        kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
+        kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
+        sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
+        return Status(kind.astype(np.int8), sign.astype(np.int8))
 
     def _facet_friction(self, pairing: Pairing, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
@@ -218,24 +242,6 @@ class Press:
         report = Report(Answer(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
         facets = FacetState(zero, zero, zero, zero, state.accumulated_slip, zero.astype(np.int64), zero)
         return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-def _first_guess(state: State, facing: Facing, friction: FloatArray, moved: float, overlap: FloatArray) -> Status:
-    """The status before, facet by facet; where that was open, sliding contact where the old displacements overlap.
-
-    A motion that turns around starts from stick.
-    """
-    facets = facing.pairing.portions.facet
-    kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
-    fresh = (kind == OPEN) & (overlap < 0.0)
-    kind = np.where(fresh, SLIP, kind)
-    sign = np.where(fresh, int(np.sign(moved * facing.covered.normals[0, 0])), sign)
-    if moved * state.direction < 0.0:
-        kind = np.where(kind == SLIP, STICK, kind)
-    kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
-    kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
-    sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
-    return Status(kind.astype(np.int8), sign.astype(np.int8))
 
 
 def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
