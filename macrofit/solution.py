@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -79,8 +81,8 @@ class Solution:
     increments: tuple[Increment, ...]
     max_von_mises: dict[str, Extreme]  # "axle", "wheel"; empty where the scene asks for no stress
     fields: dict[float, dict[str, BodyField]]  # displacement -> body -> field
-    force_balance: float  # largest |force - reaction| / |force| over both bodies, where reactions were evaluated
-    energy_balance: float  # |work - strain energy - dissipation| / work
+    force_balance: float | None  # see force_balance(); None where no displacement field was computed
+    energy_balance: float  # see energy_balance()
     dofs: int
     setup_cpu_s: float
     increments_cpu_s: float
@@ -96,3 +98,44 @@ class Solution:
     def force(self) -> FloatArray:
         """Pushing force at the increments [N]."""
         return np.array([record.force for record in self.increments])
+
+
+class Journal(Protocol):
+    """Where accepted increments are kept as they come, and read back from to resume."""
+
+    def records(self) -> list[tuple[Increment, dict[str, FloatArray | IntArray]]]:
+        """The increments of an earlier run of the same scene, with the state each left."""
+        ...
+
+    def append(self, record: Increment, state: dict[str, FloatArray | IntArray]) -> None:
+        """Keep one more."""
+        ...
+
+
+def energy_balance(increments: Sequence[Increment]) -> float:
+    """|work - growth of the strain energy - dissipation| / work, from the first increment on.
+
+    The work of an increment is its final force times its length, as implicit increments dissipate: the difference
+    is of first order in the increment.
+    """
+    pairs = list(zip(increments, increments[1:], strict=False))
+    work = sum(after.force * (after.displacement - before.displacement) for before, after in pairs)
+    stored = increments[-1].strain_energy - increments[0].strain_energy if increments else 0.0
+    dissipated = sum(after.dissipation for _, after in pairs)
+    scale = max(abs(work), abs(stored), dissipated)
+    return abs(work - stored - dissipated) / scale if scale > 0.0 else 0.0
+
+
+def force_balance(increments: Sequence[Increment], reactions: dict[str, FloatArray]) -> float | None:
+    """Largest |pushing force - reaction of a support| over the largest normal or pushing force.
+
+    reactions: body -> axial force of its support on it at each increment [N], NaN where it was not evaluated. None
+    where nothing was evaluated.
+    """
+    force = np.array([record.force for record in increments])
+    scale = max((max(abs(record.force), record.normal_force) for record in increments), default=0.0)
+    errors = [np.abs(force + reactions["axle"]), np.abs(force - reactions["wheel"])] if reactions else []
+    known = np.concatenate([error[np.isfinite(error)] for error in errors]) if errors else np.zeros(0)
+    if len(known) == 0:
+        return None
+    return float(known.max()) / scale if scale > 0.0 else float(known.max())

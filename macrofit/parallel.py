@@ -1,0 +1,51 @@
+"""What ranks share: errors raised together, and a provider's batch divided among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from mpi4py import MPI
+
+from .friction import FrictionProvider, TilePairs, checked_answer
+from .geometry import FloatArray
+
+
+@contextmanager
+def raise_together(comm: MPI.Comm) -> Iterator[None]:
+    """Run rank-local work that may fail; where any rank failed, every rank raises. Collective.
+
+    A rank raises its own error, the others that of the lowest failing rank.
+    """
+    error: BaseException | None = None
+    try:
+        yield
+    except Exception as caught:
+        error = caught
+    if comm.size == 1:
+        if error is not None:
+            raise error
+        return
+    errors = comm.allgather(error)
+    first = error or next((other for other in errors if other is not None), None)
+    if first is not None:
+        raise first
+
+
+class SharedAsk:
+    """Divides a batch of tile pairs among the ranks; every rank returns the whole answer. Collective."""
+
+    def __init__(self, comm: MPI.Comm, name: str) -> None:
+        self.comm, self.name = comm, name
+
+    def __call__(self, provider: FrictionProvider, pairs: TilePairs) -> FloatArray:
+        """Coefficients of ``pairs``, each asked on one rank and checked there."""
+        bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
+        mine = np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1])
+        answer = np.zeros(0)
+        with raise_together(self.comm):
+            if len(mine):
+                share = pairs.take(mine)
+                answer = checked_answer(provider.coefficients(share), share, self.name)
+        return np.concatenate(self.comm.allgather(answer))

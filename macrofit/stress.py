@@ -1,0 +1,153 @@
+"""Displacements and stresses of a body from the loads of its contact line: largest values, and fields for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from mpi4py import MPI
+
+from .assembly import owner
+from .body import Body
+from .elasticity import stiffness_moduli, strain_operator, von_mises
+from .geometry import FloatArray
+from .parallel import raise_together
+from .press import State
+from .scene import Scene
+from .solution import BodyField, Extreme
+
+_POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0  # Gauss points of degree 2
+_BATCH = 32  # right-hand sides at once
+
+
+class StressEvaluator:
+    """The stress of one body at the Gauss points of its cells (one for P1, three for P2)."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        space = body.space
+        self.points = _POINTS if space.order == 2 else np.array([[1.0, 1.0]]) / 3.0
+        count, k = len(space.cells), len(self.points)
+        corners = np.repeat(space.nodes[space.cells[:, :3]], k, axis=0)
+        strain, self.places = strain_operator(space.order, corners, np.tile(self.points, (count, 1)))
+        stress = stiffness_moduli(body.material) @ strain
+        cells = np.repeat(space.cells, k, axis=0)
+        columns = np.stack([2 * cells, 2 * cells + 1], axis=2).reshape(count * k, 1, -1)
+        rows = np.arange(4)[:, None, None] * (count * k) + np.arange(count * k)[None, :, None]
+        shape = (4 * count * k, 2 * len(space.nodes))
+        data, rows, columns = np.broadcast_arrays(stress.transpose(1, 0, 2), rows, columns.transpose(1, 0, 2))
+        self._operator = sp.csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+
+    def stress(self, displacement: FloatArray) -> FloatArray:
+        """(4, points, k) [MPa] at the Gauss points, for displacements (dofs, k)."""
+        return np.asarray((self._operator @ displacement).reshape(4, -1, displacement.shape[1]))
+
+    def recover(self, stress: FloatArray) -> FloatArray:
+        """(nodes, 4): the linear stress of each cell at its nodes, averaged over the cells that share them."""
+        space, k = self.body.space, len(self.points)
+        per_cell = stress.reshape(4, len(space.cells), k)
+        if k == 3:  # linear through the Gauss points: 5/3 of the nearest, -1/3 of the others at a vertex
+            vertices = per_cell @ (2.0 * np.eye(3) - 1.0 / 3.0)
+            middles = 0.5 * (vertices[..., [1, 0, 0]] + vertices[..., [2, 2, 1]])
+            values = np.concatenate([vertices, middles], axis=2)
+        else:
+            values = np.repeat(per_cell, 3, axis=2)
+        nodes, count = space.cells.ravel(), len(space.nodes)
+        shares = np.bincount(nodes, minlength=count)
+        means = [np.bincount(nodes, component.ravel(), minlength=count) / shares for component in values]
+        return np.stack(means, axis=1)
+
+
+@dataclass(frozen=True)
+class Stresses:
+    """What the bodies' ranks found, on every rank."""
+
+    extremes: dict[str, Extreme]
+    fields: dict[float, dict[str, BodyField]]
+    reactions: dict[str, FloatArray]  # body -> axial force of its support at each increment [N], NaN if not computed
+    factorisations: int
+    back_substitutions: int
+
+
+def evaluate_stresses(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body], states: Sequence[State]) -> Stresses:
+    """The largest von Mises stress over the run and the fields the scene asks for. Collective."""
+    travels = [state.displacement for state in states]
+    wanted = _fields_at(scene, travels)
+    if not states or not (scene.output.stress or wanted):
+        return Stresses({}, {}, {}, 0, 0)
+    found: dict[str, _BodyStresses] = {}
+    with raise_together(comm):
+        for name, body in bodies.items():
+            if owner(comm, name) == comm.rank:
+                loads = [state.seat_load if name == "axle" else state.bore_load for state in states]
+                found[name] = _evaluate(body, loads, travels, wanted, everywhere=scene.output.stress)
+    both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
+    return Stresses(
+        {name: part.extreme for name, part in both.items() if part.extreme is not None},
+        {travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
+        {name: part.reactions for name, part in both.items()},
+        sum(part.factorisations for part in both.values()),
+        sum(part.back_substitutions for part in both.values()),
+    )
+
+
+def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
+    """Numbers of the increments whose fields are wanted: nearest to output.fields_at, and output.frames more."""
+    if not scene.output.fields or not travels:
+        return []
+    asked = scene.output.fields_at
+    at = [travels[-1]] if asked is None else list(asked)
+    numbers = {int(np.abs(np.array(travels) - u).argmin()) for u in at}
+    numbers |= {int(k) for k in np.linspace(0, len(travels) - 1, scene.output.frames).round()}
+    return sorted(numbers)
+
+
+@dataclass(frozen=True)
+class _BodyStresses:
+    extreme: Extreme | None
+    fields: dict[int, BodyField]
+    reactions: FloatArray
+    factorisations: int
+    back_substitutions: int
+
+
+def _evaluate(body: Body, loads: Sequence[FloatArray], travels: Sequence[float], wanted: Sequence[int],
+              *, everywhere: bool) -> _BodyStresses:
+    evaluator = StressEvaluator(body)
+    factored, solved = body.factorisations, body.back_substitutions
+    reactions = np.full(len(loads), np.nan)
+    fields: dict[int, BodyField] = {}
+    best: Extreme | None = None
+    numbers = list(range(len(loads))) if everywhere else list(wanted)
+    for start in range(0, len(numbers), _BATCH):
+        batch = numbers[start : start + _BATCH]
+        displacement = body.back_substitute(np.stack([loads[k] for k in batch], axis=1))
+        reactions[batch] = body.reaction(displacement)
+        stress = evaluator.stress(displacement)
+        if everywhere:
+            best = _larger(best, body, evaluator, stress, [travels[k] for k in batch])
+        for k in set(batch) & set(wanted):
+            column = batch.index(k)
+            fields[k] = _field(body, evaluator, displacement[:, column], stress[:, :, column], travels[k])
+    return _BodyStresses(best, fields, reactions, body.factorisations - factored, body.back_substitutions - solved)
+
+
+def _larger(best: Extreme | None, body: Body, evaluator: StressEvaluator, stress: FloatArray,
+            travels: Sequence[float]) -> Extreme:
+    equivalent = von_mises(stress)
+    point, column = np.unravel_index(int(equivalent.argmax()), equivalent.shape)
+    value = float(equivalent[point, column])
+    if best is not None and best.value >= value:
+        return best
+    r, z = evaluator.places[point]
+    travel = travels[int(column)]
+    return Extreme(value, float(r), float(z) + (travel if body.which == "wheel" else 0.0), travel)
+
+
+def _field(body: Body, evaluator: StressEvaluator, displacement: FloatArray, stress: FloatArray, travel: float
+           ) -> BodyField:
+    recovered = evaluator.recover(stress)
+    points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
+    return BodyField(points, body.space.cells, displacement.reshape(-1, 2), recovered, von_mises(recovered.T))
