@@ -27,8 +27,9 @@ from .solution import OPEN, SLIP, STICK
 class Condensed:
     """The axle's compliance between all moments of the seat, and the wheel's between its bore nodes."""
 
-    def __init__(self, seat: Seat, axle: CondensedBody, wheel: CondensedBody) -> None:
-        self.seat, self.axle, self.wheel = seat, axle, wheel
+    def __init__(self, seat: Seat, axle: CondensedBody, wheel: CondensedBody, *, reuse: bool = True) -> None:
+        """``reuse`` the factors of the interface matrix where only kappa changed, not the status."""
+        self.seat, self.axle, self.wheel, self.reuse = seat, axle, wheel, reuse
         self.factorisations = 0
         size, room = seat.size, seat.size + 2 * seat.moments
         # [j, i][column, row]: component i of the approach of a row under component j of a unit force on a column;
@@ -97,7 +98,7 @@ class CondensedProblem:
         facing = self.facing
         active, sticking = np.flatnonzero(status.kind != OPEN), np.flatnonzero(status.kind == STICK)
         slipping = np.flatnonzero(status.kind == SLIP)
-        if self._status is None or not self._status.same(status):
+        if self._status is None or not self.engine.reuse or not self._status.same(status):
             self._status = status
             self._traction, self._response = np.zeros((2, facing.moments)), np.zeros((2, facing.moments))
             self._factor(status, kappa, friction, active, sticking)

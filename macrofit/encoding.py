@@ -14,12 +14,13 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
+from .geometry import FloatArray
+from .mesh import IntArray
 from .solution import FacetState, Increment
 
-State = dict[str, npt.NDArray[Any]]
-"""Arrays (float64 or int64) the solver needs to go on after an increment."""
+State = dict[str, FloatArray | IntArray]
+"""Arrays the solver needs to go on after an increment."""
 
 _FRAME = struct.Struct("<II")
 _CAST = {"float": float, "int": int, "bool": bool}
@@ -41,7 +42,7 @@ class _Record(msgspec.Struct, array_like=True):
 _DECODER = msgspec.msgpack.Decoder(_Record)
 
 
-def encode(record: Increment, state: Mapping[str, npt.NDArray[Any]]) -> bytes:
+def encode(record: Increment, state: Mapping[str, FloatArray | IntArray]) -> bytes:
     """An increment and the state after it. Raises TypeError for an array that is not of numbers."""
     scalars = {name: cast(getattr(record, name)) for name, cast in _SCALARS.items()}
     facets = {item.name: getattr(record.facets, item.name) for item in fields(FacetState)}
@@ -84,7 +85,7 @@ def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
         place = end
 
 
-def _packed(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, _Array]:
+def _packed(arrays: Mapping[str, FloatArray | IntArray]) -> dict[str, _Array]:
     packed = {}
     for name, values in arrays.items():
         array = np.asarray(values)

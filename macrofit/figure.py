@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .output import replacing
+from .files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, BROWN, SKY, BLACK = (
     "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000"

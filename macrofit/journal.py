@@ -11,16 +11,16 @@ import fcntl
 import hashlib
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy.typing as npt
 
 from .encoding import State, decode, encode, frame, frames
 from .errors import OutputError
-from .output import writing
+from .files import append_whole, writing
+from .geometry import FloatArray
+from .mesh import IntArray
 from .scene import Scene
 from .solution import Increment
 
@@ -44,12 +44,9 @@ class _Content(NamedTuple):
 class Journal:
     """An append-only file of increments; made by `start` or `resume`, closed by leaving the `with` block."""
 
-    def __init__(
-        self, path: Path, descriptor: int | None, end: int, records: list[tuple[Increment, State]]
-    ) -> None:
+    def __init__(self, path: Path, descriptor: int | None, records: list[tuple[Increment, State]]) -> None:
         self.path = path
         self._descriptor = descriptor
-        self._end = end
         self._records = records
 
     @classmethod
@@ -68,13 +65,13 @@ class Journal:
         try:
             _lock(descriptor, path)
             with writing(path):
-                _write_all(descriptor, head)
+                append_whole(descriptor, head)
                 os.replace(fresh, path)  # so that a journal never lacks its header
         except BaseException:
             os.close(descriptor)
             fresh.unlink(missing_ok=True)
             raise
-        return cls(path, descriptor, len(head), [])
+        return cls(path, descriptor, [])
 
     @classmethod
     def resume(cls, path: Path, scene: Scene) -> Journal:
@@ -90,22 +87,21 @@ class Journal:
             _same_scene(path, content.header, scene)
             with writing(path):
                 os.ftruncate(descriptor, content.end)
-                os.lseek(descriptor, content.end, os.SEEK_SET)
         except BaseException:
             os.close(descriptor)
             raise
-        return cls(path, descriptor, content.end, content.records)
+        return cls(path, descriptor, content.records)
 
     @classmethod
     def elsewhere(cls) -> Journal:
         """A journal without a file, for the ranks that do not write: empty, and it keeps nothing."""
-        return cls(Path(), None, 0, [])
+        return cls(Path(), None, [])
 
     def records(self) -> list[tuple[Increment, State]]:
         """The increments found when the journal was opened, each with the state after it."""
         return list(self._records)
 
-    def append(self, record: Increment, state: Mapping[str, npt.NDArray[Any]]) -> None:
+    def append(self, record: Increment, state: Mapping[str, FloatArray | IntArray]) -> None:
         """Write an accepted increment and the state after it.
 
         Raises OutputError when it cannot be written; the increments written before stay readable.
@@ -113,15 +109,8 @@ class Journal:
         if self._descriptor is None:
             return
         written = frame(encode(record, state))
-        try:
-            with writing(self.path):
-                _write_all(self._descriptor, written)
-        except OutputError:
-            with suppress(OSError):
-                os.ftruncate(self._descriptor, self._end)
-                os.lseek(self._descriptor, self._end, os.SEEK_SET)
-            raise
-        self._end += len(written)
+        with writing(self.path):
+            append_whole(self._descriptor, written)
 
     def close(self) -> None:
         """Release the file."""
@@ -240,9 +229,3 @@ def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
             f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume"
         )
     return header, end
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(descriptor, rest) :]

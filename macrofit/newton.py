@@ -10,7 +10,7 @@ import numpy as np
 from .contact import Answer, Status, classify, law
 from .geometry import FloatArray
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-10
 """Largest relative change of the traction in the last step; the error left is smaller by Newton's contraction."""
 
 

@@ -6,19 +6,17 @@ is not empty is refused, so that nothing of the user's is overwritten.
 
 from __future__ import annotations
 
-import errno
-import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from .errors import OutputError
+from .files import append_whole, replacing, writing
 from .geometry import FloatArray
 from .scene import Scene, dump_scene
 from .solution import BodyField, FacetState, Increment
@@ -37,33 +35,6 @@ UNITS = {
     "pressure": "MPa", "traction": "MPa", "gap": "mm", "slip": "mm", "accumulated_slip": "mm",
     "status": "0 open, 1 stick, 2 slip", "friction": "1",
 }  # fmt: skip
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn a failure to write ``path`` (disk full, no permission) into an OutputError that names it."""
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        remedy = "make room, then go on with --resume" if full else "choose another folder with -o"
-        raise OutputError(f"{path}: cannot be written: {reason} ({remedy})") from error
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, which takes the place of ``path`` when all went well.
-
-    Raises OutputError when the file cannot be written; what was there before is then intact.
-    """
-    draft = path.with_name(f".{path.stem}.new{path.suffix}")
-    try:
-        with writing(path):
-            yield draft
-            os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def prepare(folder: Path, *, owned: bool) -> None:
@@ -111,9 +82,8 @@ class CurveFile:
         self.records = list(before)  # everything accepted so far, those of the resumed run first
         self._last = before[-1].index if before else -1
         with writing(self.path):
-            self._file: TextIO = self.path.open("w")
-            self._file.write("".join([HEADER + "\n", *(_row(record) for record in before)]))
-            self._file.flush()
+            self._file = self.path.open("wb", buffering=0)
+            append_whole(self._file.fileno(), "".join([HEADER + "\n", *map(_row, before)]).encode())
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
         """Nothing: the header is there."""
@@ -123,8 +93,7 @@ class CurveFile:
         if record.index <= self._last:
             return
         with writing(self.path):
-            self._file.write(_row(record))
-            self._file.flush()
+            append_whole(self._file.fileno(), _row(record).encode())
         self.records.append(record)
 
     def finished(self) -> None:
@@ -176,7 +145,8 @@ def write_interface(
         seat = np.full(facets + 1, np.nan)
     line = {"facet_start": seat[:-1], "facet_end": seat[1:]}
     middle = 0.5 * (seat[:-1] + seat[1:])
-    with replacing(folder / INTERFACE) as draft, _as_os_error(), h5py.File(draft, "w") as file:
+    # built in memory: where HDF5 itself meets a full disk it does not always come back
+    with h5py.File(INTERFACE, "w", driver="core", backing_store=False) as file:
         file.attrs["title"] = scene.title
         file.attrs["coordinate"] = "z" if scene.direction == "radial" else "r"
         _dataset(file, "displacement", np.array([record.displacement for record in records]), "mm")
@@ -186,15 +156,10 @@ def write_interface(
         for item in fields(FacetState):
             rows = [getattr(record.facets, item.name) for record in records]
             _dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
-
-
-@contextmanager
-def _as_os_error() -> Iterator[None]:
-    """On a full disk HDF5 raises RuntimeError where it closes a file."""
-    try:
-        yield
-    except RuntimeError as error:
-        raise OSError(errno.EIO, str(error)) from error
+        file.flush()
+        image = file.id.get_file_image()
+    with replacing(folder / INTERFACE) as draft:
+        draft.write_bytes(image)
 
 
 def _dataset(file: Any, name: str, values: Any, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""Figures for a report: the fitting curve, pressure and shear along the seat; the stress has its own module."""
+"""Figures for a report: the fitting curve, pressure and shear along the seat; stress has its own module."""
 
 from __future__ import annotations
 

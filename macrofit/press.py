@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from .body import ContactLine
-from .contact import Answer, Facing, Status
+from .contact import Answer, Facing, Status, StatusArray
 from .errors import ConvergenceError
 from .friction import FrictionField, tile_overlaps
 from .geometry import FloatArray
@@ -47,6 +47,7 @@ class State:
     accumulated_slip: FloatArray  # (facets,) [mm]
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
+    kappa: FloatArray  # (facets, moments) see contact.py
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
         """The state as named arrays, for a journal."""
@@ -86,7 +87,7 @@ class Press:
         return State(
             self.scene.displacements[0], 0.0, np.zeros(2 * line.trace_nodes), np.zeros(2 * len(self.bore.nodes)),
             np.zeros(2 * self.seat.loaded), np.zeros(2 * len(self.bore.nodes)),
-            np.zeros(line.facets), np.zeros(line.facets), moments, moments,
+            np.zeros(line.facets), np.zeros(line.facets), moments, moments, moments.astype(np.float64),
         )
 
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
@@ -142,7 +143,7 @@ class Press:
         friction = self._facet_friction(pairing, state, displacement)[covered.facet]
         guess = self._first_guess(state, facing, friction, moved)
         problem = self.engine.problem(facing)
-        report = newton(problem, friction, guess, facing.kappa(state.bore_displacement))
+        report = newton(problem, friction, guess, self._first_kappa(state, facing))
         return self._step(state, displacement, facing, friction, report, problem.displacements(report.answer))
 
     def _first_guess(self, state: State, facing: Facing, friction: FloatArray, moved: float) -> Status:
@@ -169,6 +170,18 @@ class Press:
         sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
         return Status(kind.astype(np.int8), sign.astype(np.int8))
 
+    def _first_kappa(self, state: State, facing: Facing) -> FloatArray:
+        """kappa to start from: that of the seat's same point in the rear half, of the bore's in the front half.
+
+        The deformed interface follows the seat's edge behind and the bore's edge in front.
+        """
+        kappa = facing.kappa(state.bore_displacement)
+        facets = facing.pairing.portions.facet
+        rear = (state.kind[facets] != OPEN).ravel()
+        rear[facing.moments // 2 :] = False
+        kappa[rear] = state.kappa[facets].ravel()[rear]
+        return kappa
+
     def _facet_friction(self, pairing: Pairing, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
         s, b = self.seat.line.coordinate, self.bore.coordinate
@@ -190,7 +203,8 @@ class Press:
         after = State(
             displacement, float(np.sign(moved)) or state.direction, *displacements, seat_load, bore_load,
             facets.pressure, facets.accumulated_slip,
-            *(self._by_moment(facing, values) for values in (report.status.kind, report.status.sign)),
+            self._by_moment(facing, report.status.kind).astype(np.int64),
+            self._by_moment(facing, report.status.sign).astype(np.int64), self._by_moment(facing, answer.kappa),
         )
         pressure = -answer.traction[0]
         return Step(
@@ -207,8 +221,8 @@ class Press:
             energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
         return energy
 
-    def _by_moment(self, facing: Facing, values: IntArray) -> IntArray:
-        every = np.zeros((self.seat.line.facets, self.seat.moments), dtype=np.int64)
+    def _by_moment(self, facing: Facing, values: FloatArray | StatusArray) -> FloatArray:
+        every = np.zeros((self.seat.line.facets, self.seat.moments))
         every[facing.pairing.portions.facet] = values.reshape(-1, self.seat.moments)
         return every
 

@@ -40,17 +40,30 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
         centre = _centre(bodies, marks)
         window = (centre - half, centre + half)
     figure, axes = blank(*_frame(window[1] - window[0]))
-    inside = {body: _inside(_deformed(field), window) for body, field in bodies.items()}
-    top = max(float(field.von_mises[inside[body]].max(initial=0.0)) for body, field in bodies.items())
-    for body, field in bodies.items():
-        drawn = _draw_body(axes, field, inside[body], top)
+    shown = [field.von_mises[_inside(_deformed(field), window)] for field in bodies.values()]
+    top = max(float(values.max(initial=0.0)) for values in shown)
+    for field in bodies.values():
+        drawn = _draw_body(axes, field, window, top)
     _annotate(axes, {body: mark for body, mark in marks.items() if _inside(mark.place, window)}, window)
     (low_r, low_z), (high_r, high_z) = window
     axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r), aspect="equal", xlabel="z [mm]", ylabel="r [mm]")
     axes.spines[["top", "right"]].set_visible(zoom is not None)
     figure.colorbar(drawn, ax=axes, label="von Mises stress [MPa]", fraction=0.05, pad=0.03)
-    axes.set_title(f"{solution.scene.title}\ndisplacement {at:g} mm".strip(), fontsize=10)
+    axes.set_title(_title(solution, at), fontsize=10)
     return figure
+
+
+def _title(solution: Solution, displacement: float) -> str:
+    """What is shown, and the run's largest stress where that is of another displacement."""
+    lines = [solution.scene.title] if solution.scene.title else []
+    lines.append(f"displacement {displacement:g} mm")
+    extremes = solution.max_von_mises
+    if extremes:
+        body = max(extremes, key=lambda name: extremes[name].value)
+        if abs(extremes[body].displacement_mm - displacement) >= 1e-9:
+            at = extremes[body]
+            lines[-1] += f" (largest of the run: {body}, {at.value:.0f} MPa at {at.displacement_mm:g} mm)"
+    return "\n".join(lines)
 
 
 class _Mark(NamedTuple):
@@ -107,13 +120,15 @@ def _annotate(axes: Any, marks: Mapping[str, _Mark], window: Window) -> None:
         )  # fmt: skip
 
 
-def _draw_body(axes: Any, field: BodyField, inside: npt.NDArray[np.bool_], top: float) -> Any:
+def _draw_body(axes: Any, field: BodyField, window: Window, top: float) -> Any:
     """Colours of the triangles that reach into the window, and the outline of the body."""
     from matplotlib.collections import LineCollection
     from matplotlib.tri import Triangulation
 
     place = _deformed(field)
-    seen = field.cells[inside[field.cells].any(axis=1)] if inside.any() else field.cells[:1]
+    corners = place[field.cells]
+    reach = (corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1])
+    seen = field.cells[reach.all(axis=1)] if reach.all(axis=1).any() else field.cells[:1]
     drawn = axes.tripcolor(
         Triangulation(place[:, 1], place[:, 0], _split(seen)), field.von_mises,
         shading="gouraud", cmap="viridis", vmin=0.0, vmax=top, rasterized=True,

@@ -1,0 +1,186 @@
+"""The command `macrofit`. What is heavy is imported inside the commands, so that help comes at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from . import __version__
+from .errors import MacrofitError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+USER_MISTAKE, INTERRUPTED, BUG = 2, 130, 1
+
+
+class Commands(click.Group):
+    """A group that says an error the user can mend on one line, and exits with 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except MacrofitError as error:
+            complain(error)
+            ctx.exit(USER_MISTAKE)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="macrofit")
+def main() -> None:
+    """Press a railway wheel onto its axle: fitting curve, stresses, pressure along the seat.
+
+    SCENE is the name of a built-in scene (see `macrofit scenes`) or a TOML file.
+    """
+    # The small dense problems of an increment lose more to threads than they gain, and under mpirun the ranks
+    # would fight for the cores. Read when numpy is first imported; a value set by the user stays.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+
+
+@main.command()
+@click.argument("scene")
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path),
+    help="Folder of the results [the scene's name].",
+)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+@click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
+    """Compute SCENE and write curve, stresses and figures into a folder; also under mpirun.
+
+    A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
+    with an unfinished run of the same scene, which --resume continues.
+    """
+    from mpi4py import MPI
+
+    comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
+    with ending(comm, target):
+        from .job import carry_out
+        from .parallel import raise_together
+        from .scene import load_scene
+
+        with raise_together(comm):
+            resolved = load_scene(scene, overrides)
+        lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet)
+        for line in [] if quiet else lines:
+            click.echo(line)
+
+
+@contextmanager
+def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
+    """End every rank with the right code and one message: never a rank that waits for one that is gone."""
+    # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
+    with suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    except MacrofitError as error:  # raised on every rank together
+        if comm.rank == 0:
+            complain(error)
+        sys.exit(USER_MISTAKE)
+    except KeyboardInterrupt:
+        complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+        leave(comm, INTERRUPTED)
+    except Exception:
+        if comm.size == 1:
+            raise
+        click.echo(f"macrofit: rank {comm.rank} of {comm.size} failed\n{traceback.format_exc()}", err=True)
+        leave(comm, BUG)
+
+
+def leave(comm: MPI.Comm, code: int) -> NoReturn:
+    """Exit, and under mpirun take along the ranks that may be waiting for this one."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if comm.size > 1:
+        comm.Abort(code)
+    sys.exit(code)
+
+
+def complain(error: object) -> None:
+    """Say what went wrong, on one line."""
+    click.echo(f"macrofit: {' '.join(str(error).split())}", err=True)
+
+
+@main.command()
+def scenes() -> None:
+    """List the built-in scenes."""
+    from .scene import load_scene, scene_names
+
+    names = scene_names()
+    width = max(len(name) for name in names)
+    for name in names:
+        click.echo(f"{name:<{width}}  {load_scene(name).title}")
+
+
+@main.command()
+def providers() -> None:
+    """List the installed friction providers and where they come from."""
+    from .friction import registry
+
+    for name, source, target in registry.names():
+        click.echo(f"{name}  from {source}, {target}")
+
+
+@main.command()
+@click.argument("scene")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+def check(scene: str, overrides: tuple[str, ...]) -> None:
+    """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
+    from .friction import registry
+    from .mesh import read_mesh
+    from .report import first_touch, interference_line
+    from .scene import load_scene
+
+    resolved = load_scene(scene, overrides)
+    registry.load(resolved.friction.provider, resolved.friction.options)
+    for body in ("axle", "wheel"):
+        file = getattr(resolved.mesh, body)
+        if file is not None:
+            read_mesh(file, body)
+    places = resolved.displacements
+    if resolved.title:
+        click.echo(f"Title           {resolved.title}")
+    if resolved.interference is not None:
+        click.echo(interference_line(resolved.interference))
+    click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
+    touch = first_touch(resolved)
+    click.echo(f"First touch     {'not known, or none' if touch is None else f'at {touch:g} mm'}")
+    click.echo(f"Friction        {resolved.friction.provider}")
+
+
+@main.command()
+def schema() -> None:
+    """Print the JSON schema of a scene, for editors."""
+    import msgspec
+
+    from .scene import json_schema
+
+    click.echo(msgspec.json.format(msgspec.json.encode(json_schema()), indent=2).decode())
+
+
+@main.command()
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option(
+    "-o", "--output", "target", type=click.Path(path_type=Path), default=Path("fitting_curves.png"),
+    show_default=True, help="The figure.",
+)  # fmt: skip
+def plot(folders: tuple[Path, ...], target: Path) -> None:
+    """Overlay the fitting curves of output folders in one figure."""
+    from .plots import compare
+
+    click.echo(compare(folders, target))
