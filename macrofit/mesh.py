@@ -164,7 +164,8 @@ def _named_edges(mesh) -> dict[str, IntArray]:  # type: ignore[no-untyped-def]
                 chosen |= tags["gmsh:physical"] == mesh.field_data[name][0]
             if name in mesh.cell_sets:
                 members = mesh.cell_sets[name][k]
-                chosen[np.asarray([] if members is None else members, dtype=np.int64)] = True
+                members = np.asarray([] if members is None else members, dtype=np.int64)
+                chosen[members[members < len(data)]] = True
             if "cell_tags" in tags:
                 ids = [tag for tag, names in families.items() if name in names]
                 chosen |= np.isin(tags["cell_tags"], ids)

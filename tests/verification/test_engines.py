@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small import condensed_press, small_press
 
-from macrofit.geometry import Drawing, Edge
+from macrofit.geometry import Drawing
 from macrofit.mesh import MeshData, mesh_drawing
 from macrofit.scene import build_scene
 from macrofit.solve import solve
@@ -52,15 +52,16 @@ def test_condensed_equals_monolithic(overrides: tuple[str, ...]) -> None:
 def test_units(monkeypatch: pytest.MonkeyPatch) -> None:
     """mm-N-MPa and m-N-Pa give the same forces: no length or modulus hides in the code.
 
-    gmsh triangulates a body a thousand times smaller differently, so both use the mesh drawn in mm; what is left is
-    rounding, 1e-9 with room for the condition of the stiffness.
+    Both use the triangulation drawn in mm (gmsh's own depends on the scale); what is left is rounding, 1e-11.
     """
+    drawn: dict[str, MeshData] = {}
 
-    def mesh_in_mm(drawing: Drawing, coarse: float, growth: float) -> MeshData:
-        edges = tuple(Edge((1e3 * e.start[0], 1e3 * e.start[1]), (1e3 * e.end[0], 1e3 * e.end[1]), e.name)
-                      for e in drawing.edges)
-        data = mesh_drawing(replace(drawing, edges=edges, facet=1e3 * drawing.facet), 1e3 * coarse, growth)
-        return replace(data, points=1e-3 * data.points)
+    def in_millimetres(drawing: Drawing, coarse: float, growth: float) -> MeshData:
+        drawn[drawing.contact] = mesh_drawing(drawing, coarse, growth)
+        return drawn[drawing.contact]
+
+    def in_metres(drawing: Drawing, coarse: float, growth: float) -> MeshData:
+        return replace(drawn[drawing.contact], points=1e-3 * drawn[drawing.contact].points)
 
     scene = small_press()
     tables = msgspec.to_builtins(scene)
@@ -73,10 +74,11 @@ def test_units(monkeypatch: pytest.MonkeyPatch) -> None:
         tables["mesh"][key] *= 1e-3
     for key in ("start", "travel", "increment"):
         tables["motion"][key] *= 1e-3
+    monkeypatch.setattr("macrofit.body.mesh_drawing", in_millimetres)
     millimetres = solve(scene)
-    monkeypatch.setattr("macrofit.body.mesh_drawing", mesh_in_mm)
+    monkeypatch.setattr("macrofit.body.mesh_drawing", in_metres)
     metres = solve(build_scene(tables))
-    assert metres.force == pytest.approx(millimetres.force, rel=1e-9)
+    assert metres.force == pytest.approx(millimetres.force, rel=1e-11)
 
 
 def test_balances() -> None:

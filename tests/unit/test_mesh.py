@@ -1,0 +1,158 @@
+"""Meshes of drawings and of files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from small import small_press
+
+from macrofit.errors import MeshError
+from macrofit.geometry import draw
+from macrofit.mesh import MeshData, mesh_drawing, read_mesh
+from macrofit.scene import build_scene, load_scene
+from macrofit.solve import solve
+
+MESHES = Path(__file__).parents[2] / "meshes"
+
+
+def area(data: MeshData) -> float:
+    """Area of the triangles [mm2]."""
+    a, b, c = (data.points[data.triangles[:, k]] for k in range(3))
+    return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
+
+
+def test_drawn_mesh_fills_the_outline() -> None:
+    """The shoelace area of the outline equals that of the triangles."""
+    scene = load_scene("wheelset")
+    drawing = draw(scene.wheel, "bore", 2.0)
+    points = np.array([edge.start for edge in drawing.edges])
+    ends = np.array([edge.end for edge in drawing.edges])
+    assert np.allclose(points[1:], ends[:-1])
+    assert np.allclose(points[0], ends[-1])
+    shoelace = 0.5 * abs(float(np.sum(points[:, 0] * ends[:, 1] - ends[:, 0] * points[:, 1])))
+    assert area(mesh_drawing(drawing, 30.0, 0.35)) == pytest.approx(shoelace, rel=1e-12)
+
+
+def test_blends_are_tangent() -> None:
+    """Height and slope of the contact generatrix are continuous at the ends of its arcs; nodes lie on it."""
+    for body, contact in ((load_scene("wheelset").axle, "seat"), (load_scene("wheelset").wheel, "bore")):
+        line = draw(body, contact, 1.0).generatrix
+        for s in line.breaks[1:-1]:
+            sides = np.array([s - 1e-9, s + 1e-9])
+            assert np.ptp(line.height(sides)) < 1e-9
+            assert np.ptp(line.slope(sides)) < 1e-9
+        s = np.linspace(line.breaks[0], line.breaks[-1], 1001)[1:-1]
+        difference = (line.height(s + 1e-5) - line.height(s - 1e-5)) / 2e-5
+        assert np.abs(difference - line.slope(s)).max() < 1e-6
+
+
+def from_files(folder: Path, suffix: str) -> np.ndarray:
+    """Forces of the small press with both bodies from files."""
+    scene = build_scene(
+        {
+            "mesh": {"axle": f"axle{suffix}", "wheel": f"wheel{suffix}"},
+            "motion": {"start": 15.0, "travel": 60.0, "increment": 5.0},
+            "friction": {"options": {"coefficient": 0.11}},
+            "output": {"stress": False, "fields_at": []},
+        },
+        folder,
+    )
+    return solve(scene).force
+
+
+def test_own_meshes_give_the_drawn_forces(tmp_path: Path) -> None:
+    """With sharp corners a file holds the whole shape, so that the same triangles give the same forces: 1e-9.
+
+    (With blends it holds chords, and only a drawing has the arcs.)
+    """
+    scene = small_press("axle.taper_blend=0", "wheel.chamfer_blend=0")
+    drawings = draw(scene.axle, "seat", 5.0), draw(scene.wheel, "bore", 4.7)
+    for body, drawing in zip(("axle", "wheel"), drawings, strict=True):
+        write(tmp_path / f"{body}.vtk", mesh_drawing(drawing, scene.mesh.coarse, scene.mesh.growth), ".vtk")
+    assert from_files(tmp_path, ".vtk") == pytest.approx(solve(scene).force, rel=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [".inp", ".vtk", ".med"])
+def test_other_formats(suffix: str, tmp_path: Path) -> None:
+    """The same mesh through another format gives the same forces to the last digits of its numbers."""
+    for body in ("axle", "wheel"):
+        data = read_mesh(str(MESHES / f"{body}.msh"), body)
+        write(tmp_path / f"{body}{suffix}", data, suffix)
+    assert from_files(tmp_path, suffix) == pytest.approx(from_files(MESHES, ".msh"), rel=1e-9)
+
+
+def write(path: Path, data: MeshData, suffix: str) -> None:
+    """The mesh with its named edges as users of that format would have them."""
+    names = sorted(data.edges)
+    points = np.column_stack([data.points, np.zeros(len(data.points))])
+    if suffix == ".inp":
+        write_inp(path, points, data)
+        return
+    lines = np.concatenate([data.edges[name] for name in names])
+    number = np.repeat(np.arange(len(names)), [len(data.edges[name]) for name in names])
+    mesh = meshio.Mesh(points, [("triangle", data.triangles), ("line", lines)])
+    if suffix == ".vtk":
+        nothing = np.zeros(len(data.triangles), dtype=int)
+        mesh.cell_data = {name: [nothing, (number == k).astype(int)] for k, name in enumerate(names)}
+    else:
+        mesh.points = points[:, :2]
+        mesh.cell_data = {"cell_tags": [np.full(len(data.triangles), -9), -1 - number]}
+        mesh.cell_tags = {-9: ["body"]} | {-1 - k: [name] for k, name in enumerate(names)}
+    mesh.write(path)
+
+
+def write_inp(path: Path, points: np.ndarray, data: MeshData) -> None:
+    """An Abaqus input file with an element set on every block, one of them under a second name."""
+    lines = ["*NODE"] + [f"{k}, {x!r}, {y!r}, 0.0" for k, (x, y, _) in enumerate(points.tolist(), start=1)]
+    number, sets = 1, []
+    lines.append("*ELEMENT, TYPE=CPS3, ELSET=Surface1")
+    for triangle in (data.triangles + 1).tolist():
+        lines.append(f"{number}, " + ", ".join(map(str, triangle)))
+        number += 1
+    for name, pairs in sorted(data.edges.items()):
+        first, block = number, "Line1" if name in ("held", "pushed") else name
+        lines.append(f"*ELEMENT, TYPE=T2D2, ELSET={block}")
+        for pair in (pairs + 1).tolist():
+            lines.append(f"{number}, {pair[0]}, {pair[1]}")
+            number += 1
+        if block != name:
+            sets += [f"*ELSET, ELSET={name}", ", ".join(str(k) for k in range(first, number))]
+    path.write_text("\n".join(lines + sets) + "\n")
+
+
+def test_missing_group(tmp_path: Path) -> None:
+    text = (MESHES / "axle.msh").read_text().replace('"held"', '"hold"')
+    (tmp_path / "axle.msh").write_text(text)
+    with pytest.raises(MeshError, match=r"mesh\.axle: .*no physical group 'held'.*found: axis, seat"):
+        read_mesh(str(tmp_path / "axle.msh"), "axle")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "no file"), ("nonsense", "cannot be read"), ("", "cannot be read")],
+)
+def test_unreadable_file(content: str | None, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "axle.msh"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(MeshError, match=f"mesh.axle: .*{message}"):
+        read_mesh(str(path), "axle")
+
+
+def test_turned_contact_line(tmp_path: Path) -> None:
+    """A contact line that is not a graph is refused: here the held end face is called the seat."""
+    text = (MESHES / "axle.msh").read_text().replace('"held"', '"x"').replace('"seat"', '"held"').replace('"x"', '"seat"')
+    (tmp_path / "axle.msh").write_text(text)
+    with pytest.raises(MeshError, match="must be a graph over z"):
+        solve(
+            build_scene(
+                {
+                    "mesh": {"axle": "axle.msh", "wheel": str(MESHES / "wheel.msh")},
+                    "motion": {"travel": 1.0},
+                },
+                tmp_path,
+            )
+        )
