@@ -10,7 +10,7 @@ from .friction import BuildContext, FrictionField, build
 from .interface import Seat
 from .parallel import SharedAsk, raise_together
 from .press import TILE, Engine, tiles
-from .scene import Scene
+from .scene_keys import Scene
 
 
 def owner(comm: MPI.Comm, body: str) -> int:

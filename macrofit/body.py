@@ -19,7 +19,7 @@ from .fenics import Discretisation, Factor, discretise, schur_complement
 from .geometry import FloatArray, Generatrix, draw, polyline
 from .material import Material
 from .mesh import IntArray, MeshData, mesh_drawing, read_mesh
-from .scene import Drawn, Scene
+from .scene_keys import Drawn, Scene
 
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
 
@@ -99,7 +99,11 @@ class Body:
         moduli = (self.material.lame_lambda, self.material.shear_modulus)
         self.space = discretise(data, keys.order, weak_form, moduli)
         self.line, self.trace = _contact_line(
-            self.space, contact, which, generatrix, self.material,
+            self.space,
+            contact,
+            which,
+            generatrix,
+            self.material,
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
@@ -166,9 +170,7 @@ class Body:
             rest = np.zeros((2 * (len(self.trace) - loaded), 2 * loaded))
             rest[np.ix_(free_o, free_c)] = -coupling @ inverse
             blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
-        return CondensedBody(
-            self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations
-        )
+        return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations)
 
     def back_substitute(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
@@ -213,16 +215,24 @@ def _spd_inverse(matrix: FloatArray, which: str) -> FloatArray:
 
 
 def _contact_line(
-    space: Discretisation, contact: str, which: str, generatrix: Generatrix | None, material: Material,
-    *, radial: bool, with_cells: bool,
+    space: Discretisation,
+    contact: str,
+    which: str,
+    generatrix: Generatrix | None,
+    material: Material,
+    *,
+    radial: bool,
+    with_cells: bool,
 ) -> tuple[ContactLine, IntArray]:
     """Order the facets by coordinate, and number the trace nodes."""
     axis = 1 if radial else 0
     cell, a, b = space.edges[contact].T
     along = space.nodes[space.cells[cell, b], axis] - space.nodes[space.cells[cell, a], axis]
     if (np.abs(along) < 1e-12).any():
-        raise MeshError(f"mesh.{which}: a facet of '{contact}' is perpendicular to the contact line; "
-                        f"'{contact}' must be a graph over {'z' if radial else 'r'}")
+        raise MeshError(
+            f"mesh.{which}: a facet of '{contact}' is perpendicular to the contact line; "
+            f"'{contact}' must be a graph over {'z' if radial else 'r'}"
+        )
     a, b = np.where(along > 0.0, a, b), np.where(along > 0.0, b, a)
     order = np.argsort(space.nodes[space.cells[cell, a], axis], kind="stable")
     cell, a, b = cell[order], a[order], b[order]
@@ -246,7 +256,15 @@ def _contact_line(
         ends = np.append(start, end[-1:], axis=0)
         generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
     line = ContactLine(
-        space.order, radial, generatrix, space.nodes[chain], normals, corners,
-        np.stack([a, b], axis=1), number[space.cells[cell]], len(trace), material,
+        space.order,
+        radial,
+        generatrix,
+        space.nodes[chain],
+        normals,
+        corners,
+        np.stack([a, b], axis=1),
+        number[space.cells[cell]],
+        len(trace),
+        material,
     )
     return line, trace

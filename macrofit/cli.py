@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 USER_MISTAKE, INTERRUPTED, BUG = 2, 130, 1
+PATIENCE_S = 2.0
+"""How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
 
 
 class Commands(click.Group):
@@ -93,7 +96,10 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
             complain(error)
         sys.exit(USER_MISTAKE)
     except KeyboardInterrupt:
-        complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+        if comm.rank == 0:
+            complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+        else:
+            time.sleep(PATIENCE_S)
         leave(comm, INTERRUPTED)
     except Exception:
         if comm.size == 1:

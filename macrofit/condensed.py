@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-import scipy.sparse as sp
 
 from .body import CondensedBody
 from .contact import Answer, Facing, Status
@@ -137,15 +136,17 @@ class CondensedProblem:
             self._rows[component] = self.engine.influence(self.facing, component)
         return self._rows[component]
 
-    def _factor(self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray,
-                sticking: IntArray) -> None:
+    def _factor(
+        self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray, sticking: IntArray
+    ) -> None:
         if len(active):
             matrix = self.matrix(status, kappa, friction, active, sticking)
             self._lu = sla.lu_factor(matrix, overwrite_a=True, check_finite=False)
             self.engine.factorisations += 1
 
-    def matrix(self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray,
-               sticking: IntArray) -> FloatArray:
+    def matrix(
+        self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray, sticking: IntArray
+    ) -> FloatArray:
         """d ((lambda + Q) / gamma + A W tau) / d (lambda_n of active, lambda_t of sticking moments).
 
         A slipping moment has lambda_t = -sign mu lambda_n, and Q = -kappa lambda_n e_z.

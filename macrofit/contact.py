@@ -74,7 +74,7 @@ class Facing:
 
     def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
         """tau = lambda + Q (2, n): in the facet's frame the axial direction is (n_z, n_r)."""
-        return traction - traction[0] * kappa * self.covered.normals.T[::-1]
+        return np.asarray(traction - traction[0] * kappa * self.covered.normals.T[::-1])
 
     def residual(self, traction: FloatArray, response: FloatArray, kappa: FloatArray) -> FloatArray:
         """(2, n) (trial - lambda) / gamma = g - A W tau - (lambda [+ Q]) / gamma, for the response A W tau [mm]."""
@@ -102,7 +102,8 @@ class Facing:
 
     def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
         """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
-        return self.approach - self.covered.apply("jump", seat) + (self.pairing.bore_jump @ bore).reshape(2, -1)
+        moved = (self.pairing.bore_jump @ bore).reshape(2, -1)
+        return np.asarray(self.approach - self.covered.apply("jump", seat) + moved)
 
 
 def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:

@@ -40,7 +40,7 @@ def stiffness_moduli(material: Material) -> FloatArray:
     lam, mu = material.lame_lambda, material.shear_modulus
     moduli = np.full((4, 4), lam)
     moduli[3, :] = moduli[:, 3] = 0.0
-    return moduli + np.diag([2.0 * mu, 2.0 * mu, 2.0 * mu, mu])
+    return np.asarray(moduli + np.diag([2.0 * mu, 2.0 * mu, 2.0 * mu, mu]))
 
 
 def strain_operator(order: int, corners: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -69,9 +69,7 @@ def traction_operator(
     strain, _ = strain_operator(order, corners, points)
     stress = stiffness_moduli(material) @ strain
     n_r, n_z = normals[:, [0]], normals[:, [1]]
-    return np.stack(
-        [n_r * stress[:, 0] + n_z * stress[:, 3], n_r * stress[:, 3] + n_z * stress[:, 1]], axis=1
-    )
+    return np.stack([n_r * stress[:, 0] + n_z * stress[:, 3], n_r * stress[:, 3] + n_z * stress[:, 1]], axis=1)
 
 
 def von_mises(stress: FloatArray) -> FloatArray:

@@ -20,7 +20,8 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from .mesh import FloatArray, IntArray, MeshData
+from .geometry import FloatArray
+from .mesh import IntArray, MeshData
 
 WeakForm = Callable[[Any, Any, Any, Any], Any]
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import singledispatch
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from .scene import Disc, Hub, Shaft
+from .scene_keys import Disc, Hub, Shaft
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
@@ -111,7 +112,10 @@ def blended(points: list[Point], blends: list[float]) -> Generatrix:
             reach = blends[i] * math.tan(0.5 * abs(after - angle))
             end = (s1 - reach * math.cos(angle), h1 - reach * math.sin(angle))
             bend = -math.copysign(1.0, after - angle)
-            centre = (end[0] + bend * blends[i] * math.sin(angle), end[1] - bend * blends[i] * math.cos(angle))
+            centre = (
+                end[0] + bend * blends[i] * math.sin(angle),
+                end[1] - bend * blends[i] * math.cos(angle),
+            )
             arc = (end[0], end[1], slope, bend, *centre, blends[i])
         if end[0] - start[0] > 1e-12:
             pieces.append((start[0], start[1], slope, 0.0, 0.0, 0.0, 1.0))
@@ -167,11 +171,13 @@ def _(wheel: Hub, contact: str, facet: float) -> Drawing:
     closing = [((bore, rear), "pushed", 0.0)]
     if wheel.rear_edge_blend > 0.0:
         generatrix, closing = _round_rear_edge(generatrix, bore, rear, wheel.rear_edge_blend)
-    corners = [((wheel.hub_outer_radius, 0.0), "", 0.0), *_web(wheel), ((wheel.hub_outer_radius, rear), "", 0.0)]
+    corners = [
+        ((wheel.hub_outer_radius, 0.0), "", 0.0),
+        *_web(wheel),
+        ((wheel.hub_outer_radius, rear), "", 0.0),
+    ]
     contact_edges = _contact_edges(generatrix, facet, contact, radial=True)
-    return Drawing(
-        (*contact_edges, *_closing((mouth[1], 0.0), [*corners, *closing])), generatrix, contact, facet
-    )
+    return Drawing((*contact_edges, *_closing((mouth[1], 0.0), [*corners, *closing])), generatrix, contact, facet)
 
 
 @draw.register
@@ -196,8 +202,10 @@ def _(disc: Disc, contact: str, facet: float) -> Drawing:
 def _contact_edges(generatrix: Generatrix, facet: float, name: str, *, radial: bool) -> list[Edge]:
     s = generatrix.nodes(facet)
     h = generatrix.height(s)
-    points = list(zip(h.tolist(), s.tolist(), strict=True)) if radial else list(zip(s.tolist(), h.tolist(), strict=True))
-    return [Edge(a, b, name) for a, b in zip(points[:-1], points[1:], strict=True)]
+    points = (
+        list(zip(h.tolist(), s.tolist(), strict=True)) if radial else list(zip(s.tolist(), h.tolist(), strict=True))
+    )
+    return [Edge(a, b, name) for a, b in pairwise(points)]
 
 
 def _closing(start: Point, corners: list[tuple[Point, str, float]]) -> list[Edge]:
@@ -234,8 +242,17 @@ def _round_rear_edge(
     half = radius * math.sqrt(0.5)
     first = rear + radius - half
     arc = (first, bore + radius - half, -1.0, -1.0, rear + radius, bore + radius, radius)
-    rows = np.array([generatrix.breaks[:-1], generatrix.height0, generatrix.slope0, generatrix.bend,
-                     generatrix.centre_s, generatrix.centre_h, generatrix.radius]).T
+    rows = np.array(
+        [
+            generatrix.breaks[:-1],
+            generatrix.height0,
+            generatrix.slope0,
+            generatrix.bend,
+            generatrix.centre_s,
+            generatrix.centre_h,
+            generatrix.radius,
+        ]
+    ).T
     rounded = _assemble([arc, *(tuple(row) for row in rows)], float(generatrix.breaks[-1]))
     angles = np.radians([90.0, 75.0, 60.0, 45.0])
     rest = [(bore + radius - radius * math.cos(t), rear + radius - radius * math.sin(t)) for t in angles]

@@ -24,9 +24,10 @@ from .body import ContactLine
 from .elasticity import traction_operator
 from .geometry import FloatArray
 from .mesh import IntArray
-from .scene import ContactKeys
+from .scene_keys import ContactKeys
 
-_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(3)
+_GAUSS_X = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+_GAUSS_W = np.array([5.0, 8.0, 5.0]) / 9.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class CoveredSeat:
         if self.partial is not None:
             extra = (getattr(self.partial, operator) @ displacement).reshape(2, -1)
             values = np.concatenate([values[:, :size], extra], axis=1)
-        return values[:, self.index]
+        return np.asarray(values[:, self.index])
 
     def loads(self, forces: FloatArray) -> FloatArray:
         """Nodal forces (2 loaded nodes,) of forces (2, n) on the moments [N]."""
@@ -122,8 +123,9 @@ def portions_of(line: ContactLine, facet: IntArray, start: FloatArray, end: Floa
     return Portions(facet, start, end, density, points, np.stack([0.5 * area, 0.5 * area], axis=1))
 
 
-def _quadrature(line: ContactLine, portions: Portions, portion: IntArray, a: FloatArray, b: FloatArray
-                ) -> tuple[FloatArray, IntArray, FloatArray]:
+def _quadrature(
+    line: ContactLine, portions: Portions, portion: IntArray, a: FloatArray, b: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """Gauss points s (q,) of the intervals [a, b], their portion (q,), and (q, n) weight * basis / W."""
     s = (0.5 * (a + b))[:, None] + 0.5 * (b - a)[:, None] * _GAUSS_X
     which = np.repeat(portion, len(_GAUSS_X))
@@ -143,8 +145,9 @@ def _shape(order: int, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, np.stack([4.0 * t - 3.0, 4.0 - 8.0 * t, 4.0 * t - 1.0], axis=1)
 
 
-def _entries(test: FloatArray, values: FloatArray, portion: IntArray, columns: IntArray
-             ) -> tuple[FloatArray, IntArray, IntArray]:
+def _entries(
+    test: FloatArray, values: FloatArray, portion: IntArray, columns: IntArray
+) -> tuple[FloatArray, IntArray, IntArray]:
     """Entries sum_q test[q, i] values[q, b] at row portion[q] n + i, column columns[q, b]: data, rows, columns."""
     n = test.shape[1]
     shape = (len(test), n, values.shape[1])
@@ -229,8 +232,15 @@ class Seat:
         if len(part):
             partial = self.rows(portions_of(self.line, facets[part], portions.start[part], portions.end[part]))
         facet = np.repeat(facets, m)
-        return CoveredSeat(self.full, partial, facet, index, portions.weight.ravel(), self.gamma[facet],
-                           self.line.normals[facet])
+        return CoveredSeat(
+            self.full,
+            partial,
+            facet,
+            index,
+            portions.weight.ravel(),
+            self.gamma[facet],
+            self.line.normals[facet],
+        )
 
 
 def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> FloatArray:
@@ -241,19 +251,24 @@ def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> Fl
     return keys.gamma0 * youngs_modulus / length
 
 
-def _traction_rows(line: ContactLine, portions: Portions, which: IntArray, test: FloatArray, facet: IntArray,
-                   t: FloatArray) -> sp.csr_matrix:
+def _traction_rows(
+    line: ContactLine, portions: Portions, which: IntArray, test: FloatArray, facet: IntArray, t: FloatArray
+) -> sp.csr_matrix:
     vertices = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     start, end = vertices[line.ends[facet, 0]], vertices[line.ends[facet, 1]]
     points = start + t[:, None] * (end - start)
     normal = line.normals[facet]
     operator = traction_operator(line.order, line.corners[facet], points, normal, line.material)
-    n_r, n_z = normal[:, [0]], normal[:, [1]]
-    local = (n_r * operator[:, 0] + n_z * operator[:, 1], -n_z * operator[:, 0] + n_r * operator[:, 1])
+    n_r, n_z = normal[:, 0, None], normal[:, 1, None]
+    normal_row = np.asarray(n_r * operator[:, 0] + n_z * operator[:, 1], dtype=np.float64)
+    tangential_row = np.asarray(-n_z * operator[:, 0] + n_r * operator[:, 1], dtype=np.float64)
     cells = line.cells[facet]
     columns = np.stack([cells, line.trace_nodes + cells], axis=2).reshape(len(facet), -1)
     shape = (portions.weight.size, 2 * line.trace_nodes)
-    return sp.vstack([_scalar_rows(_entries(test, rows, which, columns), shape) for rows in local], format="csr")
+    return sp.vstack(
+        [_scalar_rows(_entries(test, rows, which, columns), shape) for rows in (normal_row, tangential_row)],
+        format="csr",
+    )
 
 
 def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
@@ -278,8 +293,17 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
     return _pairing(seat, bore, travel, shift, portions, np.repeat(bore_facet, len(_GAUSS_X)), q, which, test)
 
 
-def _pairing(seat: ContactLine, bore: ContactLine, travel: float, shift: float, portions: Portions,
-             bore_facet: IntArray, s: FloatArray, which: IntArray, test: FloatArray) -> Pairing:
+def _pairing(
+    seat: ContactLine,
+    bore: ContactLine,
+    travel: float,
+    shift: float,
+    portions: Portions,
+    bore_facet: IntArray,
+    s: FloatArray,
+    which: IntArray,
+    test: FloatArray,
+) -> Pairing:
     x = bore.coordinate
     extent = x[bore_facet + 1] - x[bore_facet]
     zeta = s - shift
@@ -305,4 +329,4 @@ def _pairing(seat: ContactLine, bore: ContactLine, travel: float, shift: float, 
 def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:
     """Moments (p n,) of point values (q,)."""
     columns = [np.bincount(which, test[:, i] * values, minlength=count) for i in range(test.shape[1])]
-    return np.stack(columns, axis=1).ravel()
+    return np.asarray(np.stack(columns, axis=1).ravel(), dtype=np.float64)

@@ -155,9 +155,7 @@ def _lock(descriptor: int, path: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise OutputError(
-            f"{path}: another run is writing it; wait for it, or choose another folder with -o"
-        ) from None
+        raise OutputError(f"{path}: another run is writing it; wait for it, or choose another folder with -o") from None
     except OSError:  # a file system without locks
         pass
 
@@ -181,8 +179,7 @@ def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
     changed += [f"content of {key}" for key, digest in now.meshes.items() if header.meshes.get(key) != digest]
     listed = ", ".join(changed[:6]) + (", ..." if len(changed) > 6 else "")
     raise OutputError(
-        f"{path}: is of another scene (changed: {listed}); "
-        f"run with the scene.toml beside it, or without --resume"
+        f"{path}: is of another scene (changed: {listed}); run with the scene.toml beside it, or without --resume"
     )
 
 
@@ -225,7 +222,5 @@ def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
     except (StopIteration, ValueError, msgspec.MsgspecError):
         raise OutputError(f"{path}: its header is damaged; run without --resume") from None
     if header.version != VERSION:
-        raise OutputError(
-            f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume"
-        )
+        raise OutputError(f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume")
     return header, end

@@ -135,7 +135,9 @@ def read_mesh(path: str, body: str) -> MeshData:
     except (Exception, SystemExit) as error:
         raise MeshError(f"mesh.{body}: '{path}' cannot be read: {error or type(error).__name__}") from None
     points = np.ascontiguousarray(np.asarray(mesh.points, dtype=np.float64)[:, :2])
-    triangles = [np.asarray(block.data, dtype=np.int64)[:, :3] for block in mesh.cells if block.type in ("triangle", "triangle6")]
+    triangles = [
+        np.asarray(block.data, dtype=np.int64)[:, :3] for block in mesh.cells if block.type in ("triangle", "triangle6")
+    ]
     if not triangles:
         raise MeshError(f"mesh.{body}: '{path}' holds no triangles")
     edges = _named_edges(mesh)
@@ -179,7 +181,9 @@ def _check_file(path: str, body: str, points: FloatArray, edges: dict[str, IntAr
     present = ", ".join(sorted(edges)) or "none"
     missing = [name for name in REQUIRED[body] if name not in edges]
     if missing:
-        raise MeshError(f"mesh.{body}: '{path}' has no physical group '{missing[0]}' of line elements (found: {present})")
+        raise MeshError(
+            f"mesh.{body}: '{path}' has no physical group '{missing[0]}' of line elements (found: {present})"
+        )
     if points[:, 0].min() < -1e-9:
         raise MeshError(f"mesh.{body}: '{path}' has points at r < 0; draw x = r, y = z")
     if points[:, 0].min() < 1e-9 and "axis" not in edges:

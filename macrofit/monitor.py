@@ -84,8 +84,8 @@ class Lines:
     def increment(self, record: Increment) -> None:
         """Say where the wheel is and what it takes to push it."""
         text = (
-            f"increment {record.index + 1:4d}/{self._total}  displacement {record.displacement:9.3f} mm"
-            f"  force {record.force / 1e3:10.3f} kN  pressure {record.max_pressure:8.2f} MPa"
+            f"increment {record.index + 1:4d}/{self._total}  displacement {record.displacement:10.6g} mm"
+            f"  force {record.force / 1e3:10.6g} kN  pressure {record.max_pressure:8.5g} MPa"
             f"  Newton {record.newton_iterations:2d}"
         )
         if record.cutbacks:
@@ -132,7 +132,7 @@ class Progress:
         """Move the bar; redrawn a few times a second."""
         if self._bar is None:
             return
-        place = f"{record.displacement:.2f} mm  {record.force / 1e3:.1f} kN"
+        place = f"{record.displacement:.6g} mm  {record.force / 1e3:.5g} kN"
         self._bar.update(self._task, completed=min(record.index + 1, self._total), place=place)
         now = time.monotonic()
         if now - self._drawn >= REFRESH_S:

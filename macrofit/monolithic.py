@@ -85,7 +85,8 @@ class MonolithicProblem:
         normal = (status.kind != OPEN) / (1.0 - share * n_z)
         across = -status.sign * friction * (status.kind == SLIP) - kappa * n_r + sticks * share * n_r
         return sp.bmat(
-            [[sp.diags(normal * (1.0 - kappa * n_z)), None], [sp.diags(normal * across), sp.diags(sticks)]], format="csr"
+            [[sp.diags(normal * (1.0 - kappa * n_z)), None], [sp.diags(normal * across), sp.diags(sticks)]],
+            format="csr",
         )
 
     def _traction(self, status: Status, kappa: FloatArray, friction: FloatArray, relative: FloatArray) -> FloatArray:
@@ -109,7 +110,10 @@ def _rows(facing: Facing, operator: str) -> sp.csr_matrix:
     whole = covered.index < size
     if covered.partial is None or whole.all():
         return pick(covered.full, covered.index)
-    inner, outer = pick(covered.full, covered.index[whole]), pick(covered.partial, covered.index[~whole] - size)
+    inner, outer = (
+        pick(covered.full, covered.index[whole]),
+        pick(covered.partial, covered.index[~whole] - size),
+    )
     k, p = inner.shape[0] // 2, outer.shape[0] // 2
     stacked = sp.vstack([inner, outer], format="csr")
     place = np.empty(2 * (k + p), dtype=np.int64)

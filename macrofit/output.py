@@ -45,9 +45,7 @@ def prepare(folder: Path, *, owned: bool) -> None:
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         if not owned and any(folder.iterdir()):
-            raise OutputError(
-                f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o"
-            )
+            raise OutputError(f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o")
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"macrofit")
 
@@ -131,9 +129,7 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     return values[:, 0], values[:, 1]
 
 
-def write_interface(
-    folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]
-) -> None:
+def write_interface(folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]) -> None:
     """interface.h5: the state of every facet of the seat at every increment, (increments, facets).
 
     ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN.

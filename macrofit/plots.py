@@ -41,9 +41,7 @@ def fitting_curve(solution: Solution) -> Any:
     if judged is not None and 0.3 * force.max() < judged.en_13260.high / 1e3 < 3.0 * force.max():
         low, high = judged.en_13260.low / 1e3, judged.en_13260.high / 1e3
         axes.axhspan(low, high, color=ORANGE, alpha=0.18, lw=0)
-        clear = (
-            np.interp(0.35, displacement / displacement.max(), force) < low
-        )  # the curve passes below the text
+        clear = np.interp(0.35, displacement / displacement.max(), force) < low  # the curve passes below the text
         x, side = (0.015, "left") if clear else (0.985, "right")
         place = {"transform": axes.get_yaxis_transform(), "ha": side, "va": "center"}
         axes.text(x, 0.5 * (low + high), "EN 13260, force at the end", fontsize=9, color="#7A5200", **place)
@@ -64,9 +62,7 @@ def compare(folders: Sequence[Path], target: Path) -> Path:
     colours = [BLUE, BROWN, GREEN, PURPLE, ORANGE, SKY, BLACK]
     for k, (folder, (displacement, force)) in enumerate(curves):
         style = styles[k // len(colours) % len(styles)]
-        axes.plot(
-            displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=str(folder)
-        )
+        axes.plot(displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=str(folder))
     axes.legend(frameon=False, fontsize=9)
     _label_curve(axes, "")
     return save(figure, target)
@@ -88,17 +84,13 @@ def interface(solution: Solution) -> Any:
     style = {"color": BROWN, "lw": 1.0, "ls": (0, (4, 2)), "baseline": None}
     for sign in (1.0, -1.0):
         if (sign * last.facets.traction).max() > 0.0:
-            lower.stairs(
-                sign * bound, solution.seat, label=f"friction bound at {last.displacement:g} mm", **style
-            )
+            lower.stairs(sign * bound, solution.seat, label=f"friction bound at {last.displacement:g} mm", **style)
     upper.set_ylabel("contact pressure [MPa]")
     lower.set_ylabel("shear on the axle [MPa]")
     coordinate = "z along the axle" if solution.scene.direction == "radial" else "radius r"
     lower.set_xlabel(f"{coordinate} [mm]")
     upper.set_ylim(0.0, 1.18 * upper.get_ylim()[1])  # room for the legend
-    upper.legend(
-        title="displacement", frameon=False, fontsize=9, title_fontsize=9, ncols=4, loc="upper center"
-    )
+    upper.legend(title="displacement", frameon=False, fontsize=9, title_fontsize=9, ncols=4, loc="upper center")
     lower.legend(frameon=False, fontsize=9, loc="best")
     if solution.scene.title:
         upper.set_title(solution.scene.title, fontsize=10)

@@ -17,7 +17,7 @@ from .geometry import FloatArray
 from .interface import Pairing, Seat, pair
 from .mesh import IntArray
 from .newton import LinearProblem, Report, newton
-from .scene import Scene
+from .scene_keys import Scene
 from .solution import OPEN, SLIP, STICK, FacetState, Increment
 
 TILE = 1.0  # mm, length of a friction tile
@@ -85,9 +85,17 @@ class Press:
         line = self.seat.line
         moments = np.zeros((line.facets, self.seat.moments), dtype=np.int64)
         return State(
-            self.scene.displacements[0], 0.0, np.zeros(2 * line.trace_nodes), np.zeros(2 * len(self.bore.nodes)),
-            np.zeros(2 * self.seat.loaded), np.zeros(2 * len(self.bore.nodes)),
-            np.zeros(line.facets), np.zeros(line.facets), moments, moments, moments.astype(np.float64),
+            self.scene.displacements[0],
+            0.0,
+            np.zeros(2 * line.trace_nodes),
+            np.zeros(2 * len(self.bore.nodes)),
+            np.zeros(2 * self.seat.loaded),
+            np.zeros(2 * len(self.bore.nodes)),
+            np.zeros(line.facets),
+            np.zeros(line.facets),
+            moments,
+            moments,
+            moments.astype(np.float64),
         )
 
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
@@ -192,8 +200,15 @@ class Press:
         overlaps = tile_overlaps(start, end, edge, TILE, tiles(s), tiles(b), seat_origin=float(s[0]))
         return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
 
-    def _step(self, state: State, displacement: float, facing: Facing, friction: FloatArray, report: Report,
-              displacements: tuple[FloatArray, FloatArray]) -> Step:
+    def _step(
+        self,
+        state: State,
+        displacement: float,
+        facing: Facing,
+        friction: FloatArray,
+        report: Report,
+        displacements: tuple[FloatArray, FloatArray],
+    ) -> Step:
         """What a trial leaves: the next state, resultants and energies."""
         answer, weight = report.answer, facing.covered.weight
         seat_load, bore_load = facing.loads(answer.total)
@@ -201,15 +216,27 @@ class Press:
         facets = self._facet_state(state, facing, answer, report.status, friction, gap, slip)
         moved = displacement - state.displacement
         after = State(
-            displacement, float(np.sign(moved)) or state.direction, *displacements, seat_load, bore_load,
-            facets.pressure, facets.accumulated_slip,
+            displacement,
+            float(np.sign(moved)) or state.direction,
+            *displacements,
+            seat_load,
+            bore_load,
+            facets.pressure,
+            facets.accumulated_slip,
             self._by_moment(facing, report.status.kind).astype(np.int64),
-            self._by_moment(facing, report.status.sign).astype(np.int64), self._by_moment(facing, answer.kappa),
+            self._by_moment(facing, report.status.sign).astype(np.int64),
+            self._by_moment(facing, answer.kappa),
         )
         pressure = -answer.traction[0]
         return Step(
-            after, report, facets, facing.axial_force(answer.total), float(weight @ pressure),
-            float(weight @ (friction * pressure)), self._strain_energy(after), float(weight @ (answer.traction[1] * slip)),
+            after,
+            report,
+            facets,
+            facing.axial_force(answer.total),
+            float(weight @ pressure),
+            float(weight @ (friction * pressure)),
+            self._strain_energy(after),
+            float(weight @ (answer.traction[1] * slip)),
         )
 
     def _strain_energy(self, state: State) -> float:
@@ -226,8 +253,16 @@ class Press:
         every[facing.pairing.portions.facet] = values.reshape(-1, self.seat.moments)
         return every
 
-    def _facet_state(self, state: State, facing: Facing, answer: Answer, status: Status, friction: FloatArray,
-                     gap: FloatArray, slip: FloatArray) -> FacetState:
+    def _facet_state(
+        self,
+        state: State,
+        facing: Facing,
+        answer: Answer,
+        status: Status,
+        friction: FloatArray,
+        gap: FloatArray,
+        slip: FloatArray,
+    ) -> FacetState:
         facets, m = facing.pairing.portions.facet, self.seat.moments
         weight = facing.covered.weight.reshape(-1, m)
 
@@ -241,15 +276,26 @@ class Press:
         kinds = status.kind.reshape(-1, m)
         kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
         return FacetState(
-            mean(-answer.traction[0]), mean(answer.traction[1]), mean(gap), slipped,
-            state.accumulated_slip + np.abs(slipped), kind, mean(friction),
+            mean(-answer.traction[0]),
+            mean(answer.traction[1]),
+            mean(gap),
+            slipped,
+            state.accumulated_slip + np.abs(slipped),
+            kind,
+            mean(friction),
         )
 
     def _apart(self, state: State, displacement: float) -> Step:
         """The bodies face each other nowhere: everything is zero."""
         rest = self.rest()
-        after = State(**{**rest.arrays(), "displacement": displacement, "direction": state.direction,  # type: ignore[arg-type]
-                         "accumulated_slip": state.accumulated_slip})
+        after = State(
+            **{
+                **rest.arrays(),
+                "displacement": displacement,
+                "direction": state.direction,  # type: ignore[arg-type]
+                "accumulated_slip": state.accumulated_slip,
+            }
+        )
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
         none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))

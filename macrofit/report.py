@@ -168,14 +168,14 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
         lines.append(interference_line(radial))
     if numbers["increments"]:
         lines.append(
-            f"Peak force      {numbers['peak_force_N'] / 1e3:.1f} kN "
-            f"at {numbers['peak_force_displacement_mm']:.2f} mm, "
-            f"{numbers['final_force_N'] / 1e3:.1f} kN at the end"
+            f"Peak force      {numbers['peak_force_N'] / 1e3:.5g} kN "
+            f"at {numbers['peak_force_displacement_mm']:.6g} mm, "
+            f"{numbers['final_force_N'] / 1e3:.5g} kN at the end"
         )
     for body, at in numbers["max_von_mises_MPa"].items():
         lines.append(
             f"Max von Mises   {at['value']:.1f} MPa in the {body} at r = {at['r_mm']:.2f} mm, "
-            f"z = {at['z_mm']:.2f} mm, displacement {at['displacement_mm']:.2f} mm"
+            f"z = {at['z_mm']:.2f} mm, displacement {at['displacement_mm']:.6g} mm"
         )
     failed = numbers["unconverged_increments"]
     if failed:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from .geometry import FloatArray
 from .mesh import IntArray
-from .scene import Scene
+from .scene_keys import Scene
 
 OPEN, STICK, SLIP = 0, 1, 2
 """Status of a facet."""
@@ -118,7 +119,7 @@ def energy_balance(increments: Sequence[Increment]) -> float:
     The work of an increment is its final force times its length, as implicit increments dissipate: the difference
     is of first order in the increment.
     """
-    pairs = list(zip(increments, increments[1:], strict=False))
+    pairs = list(pairwise(increments))
     work = sum(after.force * (after.displacement - before.displacement) for before, after in pairs)
     stored = increments[-1].strain_energy - increments[0].strain_energy if increments else 0.0
     dissipated = sum(after.dissipation for _, after in pairs)

@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 from .assembly import condense_bodies, discretise_bodies, engine_of, friction_field
 from .monitor import Monitor, Silent
-from .press import Press, State
 from .parallel import raise_together
+from .press import Press, State
 from .scene import Scene
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
 from .stress import evaluate_stresses

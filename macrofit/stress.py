@@ -15,7 +15,7 @@ from .elasticity import stiffness_moduli, strain_operator, von_mises
 from .geometry import FloatArray
 from .parallel import raise_together
 from .press import State
-from .scene import Scene
+from .scene_keys import Scene
 from .solution import BodyField, Extreme
 
 _POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0  # Gauss points of degree 2
@@ -113,8 +113,14 @@ class _BodyStresses:
     back_substitutions: int
 
 
-def _evaluate(body: Body, loads: Sequence[FloatArray], travels: Sequence[float], wanted: Sequence[int],
-              *, everywhere: bool) -> _BodyStresses:
+def _evaluate(
+    body: Body,
+    loads: Sequence[FloatArray],
+    travels: Sequence[float],
+    wanted: Sequence[int],
+    *,
+    everywhere: bool,
+) -> _BodyStresses:
     evaluator = StressEvaluator(body)
     factored, solved = body.factorisations, body.back_substitutions
     reactions = np.full(len(loads), np.nan)
@@ -134,8 +140,9 @@ def _evaluate(body: Body, loads: Sequence[FloatArray], travels: Sequence[float],
     return _BodyStresses(best, fields, reactions, body.factorisations - factored, body.back_substitutions - solved)
 
 
-def _larger(best: Extreme | None, body: Body, evaluator: StressEvaluator, stress: FloatArray,
-            travels: Sequence[float]) -> Extreme:
+def _larger(
+    best: Extreme | None, body: Body, evaluator: StressEvaluator, stress: FloatArray, travels: Sequence[float]
+) -> Extreme:
     equivalent = von_mises(stress)
     point, column = np.unravel_index(int(equivalent.argmax()), equivalent.shape)
     value = float(equivalent[point, column])
@@ -146,8 +153,9 @@ def _larger(best: Extreme | None, body: Body, evaluator: StressEvaluator, stress
     return Extreme(value, float(r), float(z) + (travel if body.which == "wheel" else 0.0), travel)
 
 
-def _field(body: Body, evaluator: StressEvaluator, displacement: FloatArray, stress: FloatArray, travel: float
-           ) -> BodyField:
+def _field(
+    body: Body, evaluator: StressEvaluator, displacement: FloatArray, stress: FloatArray, travel: float
+) -> BodyField:
     recovered = evaluator.recover(stress)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(points, body.space.cells, displacement.reshape(-1, 2), recovered, von_mises(recovered.T))

@@ -133,9 +133,7 @@ def _draw_body(axes: Any, field: BodyField, window: Window, top: float) -> Any:
         Triangulation(place[:, 1], place[:, 0], _split(seen)), field.von_mises,
         shading="gouraud", cmap="viridis", vmin=0.0, vmax=top, rasterized=True,
     )  # fmt: skip
-    axes.add_collection(
-        LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6)
-    )
+    axes.add_collection(LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6))
     return drawn
 
 

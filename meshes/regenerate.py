@@ -30,7 +30,10 @@ def as_meshio(data: MeshData) -> meshio.Mesh:
         points,
         cells,
         cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-        field_data={"body": np.array([1, 2]), **{name: np.array([k, 1]) for k, name in enumerate(names, start=2)}},
+        field_data={
+            "body": np.array([1, 2]),
+            **{name: np.array([k, 1]) for k, name in enumerate(names, start=2)},
+        },
     )
 
 

@@ -20,9 +20,7 @@ def declared_dependence(provider: object, name: str) -> frozenset[str]:
     declared = getattr(provider, "depends_on", None)
     if not isinstance(declared, frozenset) or not declared <= QUANTITIES:
         choices = ", ".join(sorted(QUANTITIES))
-        raise ProviderError(
-            f"{broken}: depends_on is {declared!r}, not a frozenset with members of {{{choices}}}"
-        )
+        raise ProviderError(f"{broken}: depends_on is {declared!r}, not a frozenset with members of {{{choices}}}")
     return declared
 
 

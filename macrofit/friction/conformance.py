@@ -134,6 +134,5 @@ def _same(pairs: TilePairs, expected: FloatArray, found: FloatArray, tolerance: 
     if difference.max(initial=0.0) > tolerance:
         i = int(np.argmax(difference))
         raise ConformanceError(
-            f"{rule}: seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} "
-            f"got {expected[i]!r}, then {found[i]!r}"
+            f"{rule}: seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} got {expected[i]!r}, then {found[i]!r}"
         )

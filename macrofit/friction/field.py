@@ -125,9 +125,7 @@ class FrictionField:
         place = np.minimum(np.searchsorted(self._keys, keys), self._keys.size - 1)
         return bool(np.all(self._keys[place] == keys))
 
-    def _present(
-        self, keys: IntArray, present: TileOverlaps, pressure: FloatArray, sliding: FloatArray
-    ) -> FloatArray:
+    def _present(self, keys: IntArray, present: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
         """The coefficient of each overlap, from pairs asked afresh with their mean pressure and sliding."""
         pairs, which = np.unique(keys, return_inverse=True)
         if not pairs.size:

@@ -109,8 +109,7 @@ def _decode(entry: EntryPoint, kind: type[Any], options: Mapping[str, object]) -
         if key not in known:
             accepted = ", ".join(known) if known else "none"
             raise ProviderError(
-                f"friction.options.{key}: unknown option of friction provider {entry.name!r}. "
-                f"Its options: {accepted}"
+                f"friction.options.{key}: unknown option of friction provider {entry.name!r}. Its options: {accepted}"
             )
     try:
         decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)

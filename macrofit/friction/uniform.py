@@ -25,9 +25,7 @@ class Uniform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.coefficient < LIMIT:
-            raise ProviderError(
-                f"coefficient = {self.coefficient} is out of bounds: take 0 <= coefficient < {LIMIT:g}"
-            )
+            raise ProviderError(f"coefficient = {self.coefficient} is out of bounds: take 0 <= coefficient < {LIMIT:g}")
 
     def build(self, context: BuildContext) -> Uniform:
         """Itself: there is nothing to prepare."""

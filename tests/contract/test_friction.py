@@ -308,8 +308,6 @@ def test_a_third_party_package_is_listed_and_keeps_the_contract(tmp_path: Path) 
 
 
 def _run(command: list[str], folder: Path, environment: os._Environ[str] | dict[str, str]) -> str:
-    done = subprocess.run(
-        command, cwd=folder, env=dict(environment), capture_output=True, text=True, timeout=100
-    )
+    done = subprocess.run(command, cwd=folder, env=dict(environment), capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

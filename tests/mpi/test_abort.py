@@ -42,9 +42,7 @@ def test_a_failing_rank_ends_the_job(text, tmp_path, mpirun):
     shutil.copy(Path(__file__).parents[1] / "conftest.py", tmp_path)
     (tmp_path / "test_generated.py").write_text(text)
     begin = time.perf_counter()
-    done = mpirun(
-        2, "-m", "pytest", "-p", "no:cacheprovider", "test_generated.py", timeout=PATIENCE_S, cwd=tmp_path
-    )
+    done = mpirun(2, "-m", "pytest", "-p", "no:cacheprovider", "test_generated.py", timeout=PATIENCE_S, cwd=tmp_path)
     assert time.perf_counter() - begin < PATIENCE_S / 2
     assert done.returncode not in (0, 124), done.stdout + done.stderr
     assert "rank 1 of 2 failed" in done.stderr
@@ -55,9 +53,7 @@ def test_a_hanging_test_ends_the_job_with_its_traceback(tmp_path, mpirun):
     conftest = (Path(__file__).parents[1] / "conftest.py").read_text()
     (tmp_path / "conftest.py").write_text(conftest.replace("LIMIT_S = 120.0", "LIMIT_S = 2.0"))
     (tmp_path / "test_generated.py").write_text(HANGS)
-    done = mpirun(
-        2, "-m", "pytest", "-p", "no:cacheprovider", "test_generated.py", timeout=PATIENCE_S, cwd=tmp_path
-    )
+    done = mpirun(2, "-m", "pytest", "-p", "no:cacheprovider", "test_generated.py", timeout=PATIENCE_S, cwd=tmp_path)
     assert done.returncode not in (0, 124), done.stdout + done.stderr
     assert "in test_a_message_never_comes" in done.stderr
 

@@ -264,9 +264,7 @@ def test_an_exception_of_the_provider_is_wrapped() -> None:
         raise KeyError("no such plate")
 
     field = FrictionField(Recorder(fail, "tiles"), name="sand")
-    with pytest.raises(
-        ProviderError, match=r"'sand' failed on 2 tile pairs.*seat tile 0.*KeyError"
-    ) as caught:
+    with pytest.raises(ProviderError, match=r"'sand' failed on 2 tile pairs.*seat tile 0.*KeyError") as caught:
         field.facet_friction(TWO, PRESSURE, SLIDING)
     assert isinstance(caught.value.__cause__, KeyError)
 

@@ -56,24 +56,6 @@ def test_help_loads_nothing_heavy(module):
     assert not loaded & HEAVY
 
 
-def test_public_names_are_found():
-    if find_spec("macrofit.solve") is None or find_spec("macrofit.scene") is None:
-        pytest.skip("the solver is not there yet")
-    loaded = loaded_by(
-        "import macrofit.solve; from macrofit import solve; assert callable(solve), solve;"
-        " assert callable(macrofit.solve);"
-        " from macrofit import Scene, Solution, load_scene; assert callable(load_scene)"
-    )
-    assert "macrofit" in loaded
-    assert not loaded & {"torch", "meso", "surrogate"}
-
-
-def test_an_unknown_public_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="no attribute 'sovle'"):
-        _ = macrofit.sovle
-    assert set(macrofit.__all__) <= set(dir(macrofit))
-
-
 def imported_modules(path: Path, package: str) -> set[str]:
     """The full names a file of a package imports, wherever in the file."""
     names: set[str] = set()

@@ -144,7 +144,9 @@ def test_unreadable_file(content: str | None, message: str, tmp_path: Path) -> N
 
 def test_turned_contact_line(tmp_path: Path) -> None:
     """A contact line that is not a graph is refused: here the held end face is called the seat."""
-    text = (MESHES / "axle.msh").read_text().replace('"held"', '"x"').replace('"seat"', '"held"').replace('"x"', '"seat"')
+    text = (
+        (MESHES / "axle.msh").read_text().replace('"held"', '"x"').replace('"seat"', '"held"').replace('"x"', '"seat"')
+    )
     (tmp_path / "axle.msh").write_text(text)
     with pytest.raises(MeshError, match="must be a graph over z"):
         solve(

@@ -79,9 +79,10 @@ def test_sparse_tangent(kind: str, theta: int) -> None:
     if kind == "mixed":
         assert {OPEN, STICK, SLIP} == set(status.kind.tolist())
     gamma, weight = np.tile(facing.covered.gamma, 2), np.tile(facing.covered.weight, 2)
-    jacobian = engine.stiffness + problem.test.T @ sp.diags(weight) @ problem._response(
-        status, kappa, friction
-    ) @ sp.diags(gamma) @ problem.gap
+    jacobian = (
+        engine.stiffness
+        + problem.test.T @ sp.diags(weight) @ problem._response(status, kappa, friction) @ sp.diags(gamma) @ problem.gap
+    )
     direction = rng.standard_normal(len(u))
     h = 1e-11
     plus, trial_plus = unbalance(problem, u + h * direction, kappa)
