@@ -37,5 +37,5 @@ def blank(width: float, height: float, rows: int = 1) -> tuple[Any, Any]:
 def save(figure: Any, target: Path) -> Path:
     """Write the figure and give its path back. Raises OutputError when it cannot be written."""
     with replacing(target) as draft:
-        figure.savefig(draft)
+        figure.savefig(draft, bbox_inches="tight")  # the layout alone cuts labels off a drawing to scale
     return target

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .solution import Increment, Solution
 
 ZOOM = 24.0
-"""Width of the zoom on the largest stress [mm]."""
+"""Width of the zoom on the largest stress [mm], less where the contact is small."""
 
 
 def write_figures(folder: Path, solution: Solution) -> list[Path]:
@@ -28,7 +28,7 @@ def write_figures(folder: Path, solution: Solution) -> list[Path]:
         drawn["interface.png"] = interface(solution)
     if solution.fields:
         drawn["stress.png"] = stress(solution)
-        drawn["stress_entrance.png"] = stress(solution, zoom=ZOOM)
+        drawn["stress_entrance.png"] = stress(solution, zoom=min(ZOOM, 4.0 * _contact_length(solution)))
     return [save(figure, folder / name) for name, figure in drawn.items()]
 
 
@@ -74,7 +74,7 @@ def interface(solution: Solution) -> Any:
 
     figure, (upper, lower) = blank(7.0, 6.0, rows=2)
     shown = _stages(solution.increments)
-    colours = colormaps["viridis"](np.linspace(0.85, 0.0, len(shown)))
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(shown))[::-1])
     for record, colour in zip(shown, colours, strict=True):
         style = {"color": colour, "lw": 1.8 if record is shown[-1] else 1.2, "baseline": None}
         upper.stairs(record.facets.pressure, solution.seat, label=f"{record.displacement:g} mm", **style)
@@ -91,10 +91,18 @@ def interface(solution: Solution) -> Any:
     lower.set_xlabel(f"{coordinate} [mm]")
     upper.set_ylim(0.0, 1.18 * upper.get_ylim()[1])  # room for the legend
     upper.legend(title="displacement", frameon=False, fontsize=9, title_fontsize=9, ncols=4, loc="upper center")
-    lower.legend(frameon=False, fontsize=9, loc="best")
+    if lower.get_legend_handles_labels()[0]:
+        lower.legend(frameon=False, fontsize=9, loc="best")
     if solution.scene.title:
         upper.set_title(solution.scene.title, fontsize=10)
     return figure
+
+
+def _contact_length(solution: Solution) -> float:
+    """Length of the seat that carries pressure at the end [mm], all of it where nothing does."""
+    loaded = np.flatnonzero(solution.increments[-1].facets.pressure > 0.0)
+    first, last = (loaded[0], loaded[-1] + 1) if len(loaded) else (0, -1)
+    return float(solution.seat[last] - solution.seat[first])
 
 
 def _stages(records: Sequence[Increment]) -> list[Increment]:

@@ -130,9 +130,10 @@ def _name_shapes(tables: dict[str, Any], folder: Path | None) -> None:
     mesh = tables.get("mesh")
     for body, default in (("axle", "shaft"), ("wheel", "wheel")):
         file = mesh.get(body) if isinstance(mesh, dict) else None
-        if file is not None:
+        file = file if isinstance(file, str) else None
+        if file is not None and isinstance(mesh, dict):
             tables.setdefault(body, {})
-            if isinstance(file, str) and folder is not None and isinstance(mesh, dict):
+            if folder is not None:
                 mesh[body] = str((folder / file).resolve())
         if isinstance(tables.get(body), dict):
             if file is not None and tables[body].get("shape", "mesh") != "mesh":
@@ -159,6 +160,8 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any]) -> str:
     missing = re.search(r"missing required field `(.+)`", message)
     if unknown:
         key = unknown.group(1)
+        if where in ("axle", "wheel") and tables[where].get("shape") == "mesh":
+            return f"{_join(where, key)}: not used where mesh.{where} gives a file; leave one of them out"
         known = _known_keys(where, tables)
         close = difflib.get_close_matches(key, known, n=1)
         remedy = f"did you mean '{close[0]}'?" if close else f"known keys: {', '.join(known)}"

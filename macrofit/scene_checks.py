@@ -28,6 +28,7 @@ def _not_negative(table: str, struct: Any, *keys: str) -> None:
 
 def check(scene: Scene) -> None:
     """Raise SceneError for the first key that makes a scene impossible."""
+    _check_motion(scene)
     for table, body in (("axle", scene.axle), ("wheel", scene.wheel)):
         material = body.material
         _positive(f"{table}.material", material, "youngs_modulus")
@@ -43,7 +44,6 @@ def check(scene: Scene) -> None:
     _positive("mesh", scene.mesh, "seat_facet", "bore_facet", "coarse")
     _not_negative("mesh", scene.mesh, "growth")
     _positive("contact", scene.contact, "gamma0", "penalty_stiffness")
-    _check_motion(scene)
     _need(scene.output.frames >= 0, f"output.frames: {scene.output.frames} must not be negative")
     for at in scene.output.fields_at or ():
         low, high = min(scene.displacements), max(scene.displacements)

@@ -6,6 +6,7 @@ the two bodies would overlap by the interference just where it matters. The map 
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -37,7 +38,7 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
         window = (points.min(axis=0) - margin, points.max(axis=0) + margin)
     else:
         half = 0.5 * zoom * np.array([0.75, 1.0])
-        centre = _centre(bodies, marks)
+        centre = np.maximum(_centre(bodies, marks), [half[0], -np.inf])  # nothing lies beyond the axis
         window = (centre - half, centre + half)
     figure, axes = blank(*_frame(window[1] - window[0]))
     shown = [field.von_mises[_inside(_deformed(field), window)] for field in bodies.values()]
@@ -49,20 +50,21 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
     axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r), aspect="equal", xlabel="z [mm]", ylabel="r [mm]")
     axes.spines[["top", "right"]].set_visible(zoom is not None)
     figure.colorbar(drawn, ax=axes, label="von Mises stress [MPa]", fraction=0.05, pad=0.03)
-    axes.set_title(_title(solution, at), fontsize=10)
+    axes.set_title(_title(solution, at, columns=int(13 * figure.get_figwidth())), fontsize=10)
     return figure
 
 
-def _title(solution: Solution, displacement: float) -> str:
+def _title(solution: Solution, displacement: float, columns: int) -> str:
     """What is shown, and the run's largest stress where that is of another displacement."""
-    lines = [solution.scene.title] if solution.scene.title else []
+    lines = textwrap.wrap(solution.scene.title, columns)
     lines.append(f"displacement {displacement:g} mm")
     extremes = solution.max_von_mises
     if extremes:
         body = max(extremes, key=lambda name: extremes[name].value)
         if abs(extremes[body].displacement_mm - displacement) >= 1e-9:
             at = extremes[body]
-            lines[-1] += f" (largest of the run: {body}, {at.value:.0f} MPa at {at.displacement_mm:g} mm)"
+            note = f"largest of the run: {body}, {at.value:.0f} MPa at {at.displacement_mm:g} mm"
+            lines[-1:] = textwrap.wrap(f"{lines[-1]} ({note})", columns)
     return "\n".join(lines)
 
 
@@ -110,7 +112,8 @@ def _annotate(axes: Any, marks: Mapping[str, _Mark], window: Window) -> None:
     for body, mark in marks.items():
         r, z = mark.place
         right = z < 0.5 * (window[0][1] + window[1][1])
-        offset = (12 if right else -12, -26 if body == "axle" else 26)
+        low = r < window[0][0] + 0.15 * (window[1][0] - window[0][0])
+        offset = (12 if right else -12, 26 if body == "wheel" else 52 if low else -26)
         axes.plot(z, r, "o", ms=8, mfc="none", mec=BROWN, mew=1.6)
         axes.annotate(
             f"{body}, largest of the run: {mark.value:.0f} MPa", (z, r), offset, textcoords="offset points",

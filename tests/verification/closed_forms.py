@@ -90,7 +90,7 @@ class Hertz:
     @property
     def contact_radius(self) -> float:
         """a = (3 P R / 4 E*)^(1/3) [mm]."""
-        return (0.75 * self.force * self.sphere_radius / self.modulus) ** (1.0 / 3.0)
+        return math.cbrt(0.75 * self.force * self.sphere_radius / self.modulus)
 
     @property
     def peak_pressure(self) -> float:
@@ -111,7 +111,7 @@ class Hertz:
 def hertz_force(approach: float, ball: Disc, flat: Disc) -> float:
     """P = (4/3) E* sqrt(R) approach^(3/2) [N], equation 4.23 of Johnson."""
     modulus = contact_modulus(ball.material, flat.material)
-    return 4.0 / 3.0 * modulus * math.sqrt(ball.crown_radius) * approach**1.5
+    return 4.0 / 3.0 * modulus * math.sqrt(ball.crown_radius * approach) * approach
 
 
 def punch_force(radius: float, approach: float, modulus: float) -> float:

@@ -13,7 +13,7 @@ it goes with 1 / L.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -33,17 +33,13 @@ from macrofit.solve import solve
 QUIET = ("output.stress=false", "output.fields_at=[]")
 
 
-@dataclass(frozen=True)
-class Errors:
+class Errors(NamedTuple):
     """Relative errors of a solution against Hertz at the same force."""
 
     contact_radius: float
     peak_pressure: float
     approach: float
     profile: float  # root mean square of the facets' pressures, over that of the exact ones
-
-    def __iter__(self):  # type: ignore[no-untyped-def]
-        return iter((self.contact_radius, self.peak_pressure, self.approach, self.profile))
 
 
 def sphere(facets_per_radius: float, *overrides: str) -> Scene:
@@ -105,26 +101,31 @@ def test_sphere(overrides: tuple[str, ...]) -> None:
 
 
 def test_sphere_converges() -> None:
-    """The profile's error goes with h^1.5 (its end is a square root), all of the rest down to that of the far field.
+    """The profile with the facet's length h, all of the rest down to the share of the far field.
 
-    The rate is fitted over three halvings; 0.4 is left for where the contact's end falls within its facet. 5e-4 is
-    the share of the finite bodies.
+    Where contact ends, p is of order sqrt(h / a) and so is its error, on one ring of area h a: h / a in the mean
+    square. The meshes divide the 0.4 mm in which contact is looked for so that it ends at 3/8 of a facet in each; the
+    rate is fitted over three halvings (measured: 1.24). 5e-4 is the share of the finite bodies.
     """
-    facets = np.array([4.0, 8.0, 16.0, 32.0])
+    scene = load_scene("hertz-sphere")
+    reach = disc(scene.axle).contact_radius
+    assert reach is not None
+    facets = np.array([7, 15, 31, 63]) * 0.25 / reach
     found = [errors(sphere(n)) for n in facets]
     profile = np.array([e.profile for e in found])
-    assert np.polyfit(np.log(1.0 / facets), np.log(profile), 1)[0] > 1.1, f"errors {profile}"
-    coarse, fine = (np.abs([e.contact_radius, e.peak_pressure, e.approach]) for e in (found[0], found[-1]))
+    assert np.polyfit(np.log(1.0 / facets), np.log(profile), 1)[0] > 0.9, f"errors {profile}"
+    coarse, fine = np.abs(found[0][:3]), np.abs(found[-1][:3])
     assert (coarse < 0.03).all()
     assert (fine < 5e-4).all(), f"errors {fine}"
+    assert (fine < coarse).all()
 
 
 def test_force_grows_with_the_approach_to_the_power_of_three_halves() -> None:
-    """The whole curve, of contacts of 6 to 20 facets: the force within 1 %."""
+    """The whole curve, of contacts of 6 to 20 facets: the force within twice the error measured."""
     scene = load_scene("hertz-sphere", QUIET)
     solution = solve(scene)
     expected = [hertz_force(u, disc(scene.wheel), disc(scene.axle)) for u in solution.displacement]
-    np.testing.assert_allclose(solution.force[1:], expected[1:], rtol=0.01)
+    np.testing.assert_allclose(solution.force[1:], expected[1:], rtol=2e-3)
     assert solution.force[0] == 0.0
 
 
@@ -142,11 +143,12 @@ def test_neither_theta_nor_gamma_matters() -> None:
     """All variants are within the error of the mesh at 16 facets over the radius; 1 % is the bar of the project."""
     variants = [(f"contact.gamma0={gamma0}",) for gamma0 in (1, 10, 100, 1000, 10000)]
     variants += [("contact.theta=-1",), ("contact.theta=1", "contact.gamma0=30")]
-    found = np.array([list(errors(sphere(16, *variant))) for variant in variants])
+    found = np.array([errors(sphere(16, *variant)) for variant in variants])
     assert np.abs(found[:, :3]).max() < 0.01, f"errors {found}"
     assert np.ptp(found[:, 2]) < 1e-3, f"approach {found[:, 2]}"
 
 
+RIGID = {"youngs_modulus": 206e9, "poisson_ratio": 0.0}
 PUNCH = {
     "axle": {"shape": "disc", "radius": 2000.0, "thickness": 2000.0, "contact_radius": 1.0},
     "wheel": {
@@ -176,8 +178,8 @@ def punched(facets: int) -> tuple[float, FloatArray]:
 def test_flat_punch() -> None:
     """The pressure is infinite at the edge of the punch, and only there: the force within 0.2 %, converging.
 
-    The error of the force is of order h / a (the singular facet) on top of the far field's 0.03 %; facets within 0.9 a
-    are within 1 % of the exact pressure.
+    The error of the force is of order h / a (the singular facet) on top of the far field's 0.05 %; facets within
+    0.9 a are within 1 % of the exact pressure.
     """
     errors_of_force = []
     for facets in (8, 16, 32):

@@ -1,0 +1,145 @@
+"""Scenes: read strictly, every wrong key named, written back to the same scene."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import msgspec
+import pytest
+
+from macrofit.errors import SceneError
+from macrofit.scene import build_scene, dump_scene, load_scene, scene_names
+
+
+def keys(table: dict[str, Any], prefix: str = "") -> list[str]:
+    """Dotted names of all keys."""
+    found: list[str] = []
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        found += keys(value, f"{name}.") if isinstance(value, dict) and key != "options" else [name]
+    return found
+
+
+WHEELSET = msgspec.to_builtins(load_scene("wheelset"))
+EVERY_KEY = sorted(set(keys(WHEELSET)))
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_built_in_scenes_survive_a_round_trip(name: str) -> None:
+    scene = load_scene(name)
+    assert build_scene(tomllib.loads(dump_scene(scene))) == scene
+    assert scene.title
+
+
+@pytest.mark.parametrize("key", EVERY_KEY)
+def test_every_key_with_a_wrong_type_is_named(key: str) -> None:
+    wrong = "{ strange = 1 }" if key not in ("friction.options",) else "7"
+    with pytest.raises(SceneError, match=rf"^{key}(\.strange)?: ") as caught:
+        load_scene("wheelset", [f"{key}={wrong}"])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("key", [key for key in EVERY_KEY if "." in key and not key.startswith("friction.options")])
+def test_every_key_misspelt_is_named(key: str) -> None:
+    with pytest.raises(SceneError, match=rf"^{key}x: unknown key"):
+        load_scene("wheelset", [f"{key}x=1"])
+
+
+NUMBERS = [
+    key
+    for key in EVERY_KEY
+    if isinstance(msgspec.to_builtins(load_scene("wheelset")).get(key.split(".")[0]), dict)
+    and key.split(".")[0] in ("axle", "wheel", "mesh", "motion")
+    and "material" not in key
+    and not key.endswith(
+        (".shape", "mesh.axle", "mesh.wheel", "mesh.order", "max_cutbacks", "displacements", "web_offset")
+    )
+]
+
+
+@pytest.mark.parametrize("key", NUMBERS)
+def test_every_length_negative_or_endless_is_named(key: str) -> None:
+    """motion.start may be negative, and then travel, too."""
+    if key not in ("motion.start", "motion.travel"):
+        with pytest.raises(SceneError, match=rf"^{key}: "):
+            load_scene("wheelset", [f"{key}=-1.0"])
+    for value in ("nan", "inf"):
+        with pytest.raises(SceneError, match=rf"^{key}: .*not a finite number"):
+            load_scene("wheelset", [f"{key}={value}"])
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("wheel.bore_radius=90.0", r"^wheel\.bore_radius: .*interference of 5 mm, beyond small strain"),
+        ("wheel.bore_radius=94.7mm", r"^wheel\.bore_radius: "),
+        ("wheel.hub_outer_radius=94.0", r"^wheel\.hub_outer_radius: 94\.0 must be above the bore"),
+        ("wheel.rim_inner_radius=100.0", r"^wheel\.rim_inner_radius: "),
+        ("wheel.rim_width=10.0", r"^wheel\.rim_width: "),
+        ("wheel.web_offset=90.0", r"^wheel\.web_offset: "),
+        ("wheel.chamfer_blend=5000", r"^wheel\.chamfer_blend: .*reaches"),
+        ("axle.taper_blend=5000", r"^axle\.taper_blend: .*reaches"),
+        ("axle.lead_radius=94.5", r"^axle\.lead_radius: "),
+        ("axle.inner_radius=94.5", r"^axle\.inner_radius: "),
+        ("axle.tail_radius=100.0", None),
+        ("axle.taper_height=0.0", None),
+        ("wheel.chamfer_height=0.0", None),
+        ("motion.travel=-1", r"^motion\.travel: .*lies before"),
+        ("motion.increment=1e-9", r"^motion\.increment: .*at most a million"),
+        ("output.fields_at=[500.0]", r"^output\.fields_at: 500\.0 is outside the motion"),
+        ("mesh.order=3", r"^mesh\.order: "),
+        ("contact.theta=0.5", r"^contact\.theta: "),
+        ("solver=\"sparse\"", r"^solver: "),
+        ("axle.shape=\"cube\"", r"^axle\.shape: .*try shaft, wheel or disc"),
+        ("axle.shape=\"disc\"", r"^axle\."),
+        ("wheel.material.poisson_ratio=0.5", r"^wheel\.material\.poisson_ratio: "),
+        ("wheel.material.youngs_modulus=0", r"^wheel\.material\.youngs_modulus: "),
+        ("nonsense", "an override is written key=value"),
+    ],
+)  # fmt: skip
+def test_impossible_scenes(override: str, message: str | None) -> None:
+    if message is None:
+        load_scene("wheelset", [override])
+        return
+    with pytest.raises(SceneError, match=message) as caught:
+        load_scene("wheelset", [override])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bore_too_narrow_to_enter() -> None:
+    with pytest.raises(SceneError, match=r"^wheel\.chamfer_height: the bore's mouth.*shrink fit"):
+        load_scene("wheelset", ["wheel.chamfer_height=0", "axle.taper_height=0.1"])
+
+
+def test_a_wheel_run_into_the_shoulder() -> None:
+    with pytest.raises(SceneError, match=r"^motion\.travel: 200\.0 runs the wheel into the shoulder"):
+        load_scene("wheelset", ["axle.tail_radius=100.0", "motion.travel=200"])
+
+
+def test_missing_key_and_missing_table() -> None:
+    with pytest.raises(SceneError, match=r"^axle\.seat_radius: missing"):
+        build_scene({"axle": {"seat_length": 1.0}, "wheel": {}, "motion": {}})
+    with pytest.raises(SceneError, match=r"^motion: missing"):
+        build_scene({"axle": WHEELSET["axle"], "wheel": WHEELSET["wheel"]})
+
+
+def test_no_such_scene() -> None:
+    with pytest.raises(SceneError, match="no scene 'wheelsett'.*wheelset"):
+        load_scene("wheelsett")
+
+
+def test_a_list_of_displacements_stands_alone() -> None:
+    with pytest.raises(SceneError, match=r"^motion\.displacements: leave out start and travel"):
+        load_scene("wheelset", ["motion.displacements=[1.0, 2.0]"])
+    scene = load_scene("wheelset", ["motion.start=0", "motion.travel=0", "motion.displacements=[20.0, 21.0, 20.5]"])
+    assert scene.displacements == (20.0, 21.0, 20.5)
+    with pytest.raises(SceneError, match="two equal displacements"):
+        load_scene("wheelset", ["motion.start=0", "motion.travel=0", "motion.displacements=[20.0, 20.0]"])
+
+
+def test_displacements_end_at_the_travel() -> None:
+    scene = load_scene("wheelset", ["motion.start=1.5", "motion.travel=4.0", "motion.increment=1.0"])
+    assert scene.displacements == (1.5, 2.5, 3.5, 4.0)
+    assert load_scene("wheelset").displacements[-2:] == (179.0, 180.0)
+    assert len(load_scene("wheelset").displacements) == 181

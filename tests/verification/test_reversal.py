@@ -1,0 +1,123 @@
+"""Motion that turns back: the loop of the bar held by friction, and a wheel pressed on and pulled back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+from verification.test_push_out import bar_of
+
+from macrofit.scene import load_scene
+from macrofit.solution import SLIP, STICK, Solution
+from macrofit.solve import solve
+
+NO_FIELDS = ("output.stress=false", "output.fields_at=[]")
+STEPS = 12  # of each branch of the loop
+TURN = 60.0  # mm, where press-and-pull turns back
+
+
+@pytest.fixture(scope="module")
+def loop() -> Solution:
+    up = [380.0, 380.04, 380.08, 380.12]
+    down = np.linspace(380.12, 380.0, STEPS + 1)[1:]
+    again = np.linspace(380.0, 380.12, STEPS + 1)[1:]
+    path = [*up, *(round(float(u), 12) for u in (*down, *again))]
+    return solve(load_scene("push-out", [*NO_FIELDS, f"motion.displacements={path}"]))
+
+
+@pytest.fixture(scope="module")
+def pulled() -> Solution:
+    return solve(load_scene("press-and-pull", NO_FIELDS))
+
+
+def branches(loop: Solution) -> tuple[slice, slice]:
+    turn = len(loop.force) - 1 - 2 * STEPS
+    return slice(turn, turn + STEPS + 1), slice(turn + STEPS, None)
+
+
+def test_loop_branches(loop: Solution) -> None:
+    """Each branch is D L / (E A) + D^2 / (4 E A q) from where it starts.
+
+    1 % of the branch's end, as for the first loading: the sleeve's edge adds friction over a quarter of a radius.
+    """
+    bar = bar_of(loop)
+    for branch in branches(loop):
+        force, moved = loop.force[branch], loop.displacement[branch]
+        exact = np.array([bar.turned(change) for change in np.abs(force - force[0])])
+        error = exact - np.abs(moved - moved[0])
+        print("branch, error over its length:", np.round(error / exact[-1], 5))
+        assert np.abs(error).max() < 0.01 * exact[-1]
+
+
+def test_loop_area(loop: Solution) -> None:
+    """The area between the branches is D^3 / (12 E A q) within 1 %.
+
+    The branches are smooth in the displacement, so that Simpson's rule on 12 steps leaves less than 1e-4.
+    """
+    bar = bar_of(loop)
+    down, up = branches(loop)
+    lost = sum(float(simpson(loop.force[branch], x=loop.displacement[branch])) for branch in (down, up))
+    change = float(loop.force[down][0] - loop.force[down][-1])
+    closing = abs(loop.force[-1] - loop.force[down][0]) / change
+    print(f"loop area {lost:.6g}, closed form {bar.loop_area(change):.6g} N mm; gap where it closes {closing:.1e}")
+    assert lost == pytest.approx(bar.loop_area(change), rel=0.01)
+    assert closing < 1e-3  # the cycle forgets the first loading (Masing); what is left is the slip front's facet
+
+
+def test_pull_converges_everywhere(pulled: Solution) -> None:
+    assert all(record.converged for record in pulled.increments)
+    assert sum(record.cutbacks for record in pulled.increments) == 0
+
+
+def test_pull_starts_by_sticking(pulled: Solution) -> None:
+    """The force changes its sign while nine tenths of the contact stick, at a constant stiffness.
+
+    1 % of the stiffness: the ends of the contact already slip.
+    """
+    after = [record for record in pulled.increments if record.index > pulled.displacement.argmax()]
+    first = after[:5]
+    assert first[0].force > 0.0 > first[-1].force
+    for record in first:
+        assert record.sticking_facets >= 0.9 * record.active_facets
+    stiffness = np.diff([record.force for record in first]) / np.diff([record.displacement for record in first])
+    assert np.ptp(stiffness) < 0.01 * stiffness.mean()
+
+
+def test_pull_changes_sign_once(pulled: Solution) -> None:
+    """No spurious flips: slip backwards spreads, slip forwards dies out, and neither returns."""
+    turn = int(pulled.displacement.argmax())
+    forward, backward = [], []
+    for record in pulled.increments[turn + 1 :]:
+        slipping = record.facets.status == SLIP
+        forward.append(slipping & (record.facets.traction > 0.0))
+        backward.append(slipping & (record.facets.traction < 0.0))
+    assert not any(facets.any() for facets in forward[2:])
+    records = pulled.increments[turn + 2 :]
+    for before, after, record in zip(backward[:-1], backward[1:], records, strict=True):
+        left = before & ~after
+        assert (record.facets.pressure[left] == 0.0).all()  # only facets the wheel leaves stop slipping
+    spread = pulled.increments[turn + 9 :]
+    assert all(record.sticking_facets == 0 for record in spread)
+
+
+def test_pull_is_as_hard_as_push_but_for_the_stored_energy(pulled: Solution) -> None:
+    """Half the force's jump is the friction: mu N, with N between that of pushing and that of pulling.
+
+    Half the sum is what the strain energy gives back, 2 % of the force; it is not the same in both directions because
+    a pulled axle is thinner, which leaves 0.5 % in the difference.
+    """
+    turn = int(pulled.displacement.argmax())
+    push = pulled.increments[turn]
+    pull = next(record for record in pulled.increments[turn + 1 :] if record.sticking_facets == 0)
+    bound = 0.11 * 0.5 * (push.normal_force + pull.normal_force)
+    print(f"push {push.force:.0f}, pull {pull.force:.0f}, mu N {bound:.0f} N")
+    assert 0.5 * (push.force - pull.force) == pytest.approx(bound, rel=5e-3)
+    assert 0.0 < 0.5 * (push.force + pull.force) < 0.06 * push.force
+    assert push.displacement == TURN
+
+
+def test_friction_never_gives_energy(pulled: Solution) -> None:
+    """Dissipation is not negative in any increment; 1e-12 of the largest is rounding."""
+    lost = np.array([record.dissipation for record in pulled.increments])
+    assert lost.min() > -1e-12 * lost.max()
+    assert (pulled.increments[int(pulled.displacement.argmax()) + 1].facets.status == STICK).any()
