@@ -37,13 +37,15 @@ class Report:
     converged: bool
 
 
-def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 40) -> Report:
+def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 100) -> Report:
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
-    displacement, is taken from the step before.
+    displacement, is taken from the step before. A status that comes back is a cycle: from then on repeated ones
+    change one moment at a time.
     """
     before: FloatArray | None = None
+    seen: set[bytes] = set()
     for iteration in range(1, limit + 1):
         answer = problem.solve(status, kappa, friction)
         asked = classify(answer.trial, friction, status)
@@ -54,6 +56,25 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         )
         if settled or iteration == limit:
             break
+        key = asked.kind.tobytes() + asked.sign.tobytes()
+        if key in seen:
+            asked = _one_change(status, asked, answer.trial, friction)
+        seen.add(key)
         before, status, kappa = answer.traction, asked, answer.kappa
     error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
     return Report(answer, status, iteration, error / scale if scale else error, settled)
+
+
+def _one_change(status: Status, asked: Status, trial: FloatArray, friction: FloatArray) -> Status:
+    """Of the changes that ``asked`` makes to ``status`` only that of the moment farthest from the law.
+
+    Where stick and slip of neighbours chase each other around a cycle, changing all of them at once does not end.
+    """
+    changed = (asked.kind != status.kind) | (asked.sign != status.sign)
+    if not changed.any():
+        return asked
+    excess = np.where(changed, np.abs(trial - law(trial, friction)).max(axis=0), -1.0)
+    kind, sign = status.kind.copy(), status.sign.copy()
+    one = int(np.argmax(excess))
+    kind[one], sign[one] = asked.kind[one], asked.sign[one]
+    return Status(kind, sign)

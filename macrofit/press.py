@@ -69,7 +69,8 @@ class Step:
     facets: FacetState
     force: float
     normal_force: float
-    friction_force: float  # integral of friction * pressure
+    friction_force: float  # axial resultant of the tangential traction
+    friction_bound: float  # integral of friction * pressure
     strain_energy: float
     dissipation: float
 
@@ -234,6 +235,7 @@ class Press:
             facets,
             facing.axial_force(answer.total),
             float(weight @ pressure),
+            float(weight @ (answer.traction[1] * facing.covered.normals[:, 0])),
             float(weight @ (friction * pressure)),
             self._strain_energy(after),
             float(weight @ (answer.traction[1] * slip)),
@@ -301,7 +303,7 @@ class Press:
         none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
         report = Report(Answer(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
         facets = FacetState(zero, zero, zero, zero, state.accumulated_slip, zero.astype(np.int64), zero)
-        return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
@@ -311,7 +313,8 @@ def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Incr
         displacement=last.state.displacement,
         force=last.force,
         normal_force=last.normal_force,
-        mean_friction=last.friction_force / last.normal_force if last.normal_force else 0.0,
+        friction_force=last.friction_force,
+        mean_friction=last.friction_bound / last.normal_force if last.normal_force else 0.0,
         max_pressure=float(last.facets.pressure.max(initial=0.0)),
         active_facets=int((last.facets.status != OPEN).sum()),
         sticking_facets=int((last.facets.status == STICK).sum()),

@@ -38,6 +38,7 @@ class Increment:
     displacement: float  # mm
     force: float  # N, pushing force on the wheel, > 0 against the motion of the insertion
     normal_force: float  # N, integral of the pressure
+    friction_force: float  # N, axial resultant of the tangential traction on the axle, part of force
     mean_friction: float  # integral of friction * pressure over integral of pressure
     max_pressure: float  # MPa
     active_facets: int
@@ -116,13 +117,16 @@ class Journal(Protocol):
 def energy_balance(increments: Sequence[Increment]) -> float:
     """|work - growth of the strain energy - dissipation| / work, from the first increment on.
 
-    The work of an increment is its final force times its length, as implicit increments dissipate: the difference
-    is of first order in the increment.
+    In an implicit increment friction dissipates at its final value, the elastic part of the force grows from its
+    first value to its last: so the work is taken too. What is left is of second order in the increment where nothing
+    else happens within it, of first order where contact is made.
     """
-    pairs = list(pairwise(increments))
-    work = sum(after.force * (after.displacement - before.displacement) for before, after in pairs)
-    stored = increments[-1].strain_energy - increments[0].strain_energy if increments else 0.0
-    dissipated = sum(after.dissipation for _, after in pairs)
+    work = stored = dissipated = 0.0
+    for before, after in pairwise(increments):
+        elastic = 0.5 * (before.force - before.friction_force + after.force - after.friction_force)
+        work += (elastic + after.friction_force) * (after.displacement - before.displacement)
+        stored += after.strain_energy - before.strain_energy
+        dissipated += after.dissipation
     scale = max(abs(work), abs(stored), dissipated)
     return abs(work - stored - dissipated) / scale if scale > 0.0 else 0.0
 

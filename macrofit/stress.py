@@ -129,8 +129,9 @@ def _evaluate(
     numbers = list(range(len(loads))) if everywhere else list(wanted)
     for start in range(0, len(numbers), _BATCH):
         batch = numbers[start : start + _BATCH]
-        displacement = body.back_substitute(np.stack([loads[k] for k in batch], axis=1))
-        reactions[batch] = body.reaction(displacement)
+        forces = np.stack([loads[k] for k in batch], axis=1)
+        displacement = body.back_substitute(forces)
+        reactions[batch] = body.reaction(displacement, forces)
         stress = evaluator.stress(displacement)
         if everywhere:
             best = _larger(best, body, evaluator, stress, [travels[k] for k in batch])

@@ -1,4 +1,4 @@
-"""The picture of von Mises stress in both bodies, whole or zoomed on its largest value.
+"""The picture of von Mises stress in both bodies, whole or zoomed on the entrance of the seat.
 
 Stress is shown at the nodes, z to the right and r upwards, on the deformed shape, not magnified: undeformed,
 the two bodies would overlap by the interference just where it matters. The map is viridis.
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from .figure import BROWN, blank
 from .geometry import FloatArray
 from .mesh import IntArray
+from .scene_keys import Shaft
 
 if TYPE_CHECKING:
     from .solution import BodyField, Solution
@@ -27,7 +28,7 @@ Window = tuple[FloatArray, FloatArray]
 def stress(solution: Solution, zoom: float | None = None) -> Any:
     """Von Mises stress of both bodies at the last displacement with fields, on one scale.
 
-    With ``zoom`` [mm]: a window of that width on the place of the largest stress.
+    With ``zoom`` [mm]: a window of that width on the seat's entrance, or where none is drawn on the largest stress.
     """
     at = max(solution.fields, key=lambda displacement: _order(solution, displacement))
     bodies = solution.fields[at]
@@ -38,7 +39,9 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
         window = (points.min(axis=0) - margin, points.max(axis=0) + margin)
     else:
         half = 0.5 * zoom * np.array([0.75, 1.0])
-        centre = np.maximum(_centre(bodies, marks), [half[0], -np.inf])  # nothing lies beyond the axis
+        axle = solution.scene.axle
+        place = np.array([axle.seat_radius, 0.0]) if isinstance(axle, Shaft) else _centre(bodies, marks)
+        centre = np.maximum(place, [half[0], -np.inf])  # nothing lies beyond the axis
         window = (centre - half, centre + half)
     figure, axes = blank(*_frame(window[1] - window[0]))
     shown = [field.von_mises[_inside(_deformed(field), window)] for field in bodies.values()]

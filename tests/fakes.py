@@ -26,7 +26,8 @@ def fake_increment(index: int, displacement: float, force: float, facets: int = 
     status = rng.integers(0, 3, facets)
     state = FacetState(*columns, status=status, friction=np.full(facets, 0.11))
     return Increment(
-        index=index, displacement=displacement, force=force, normal_force=force / 0.11, mean_friction=0.11,
+        index=index, displacement=displacement, force=force, normal_force=force / 0.11,
+        friction_force=force * 0.99, mean_friction=0.11,
         max_pressure=float(columns[0].max()), active_facets=int((status > 0).sum()), sticking_facets=2,
         newton_iterations=3, cutbacks=0, residual=1e-13, converged=True, strain_energy=1.0 / 3.0,
         dissipation=2.0 / 7.0, wall_s=0.004, facets=state,

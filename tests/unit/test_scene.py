@@ -125,7 +125,7 @@ def test_missing_key_and_missing_table() -> None:
 
 
 def test_no_such_scene() -> None:
-    with pytest.raises(SceneError, match="no scene 'wheelsett'.*wheelset"):
+    with pytest.raises(SceneError, match=r"no scene .wheelsett..*wheelset"):
         load_scene("wheelsett")
 
 
