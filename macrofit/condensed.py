@@ -49,11 +49,19 @@ class Condensed:
 
     def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
-        index, n = facing.covered.index, facing.moments
-        jump = facing.pairing.bore_jump
-        spread = np.ascontiguousarray((jump[rows * n : (rows + 1) * n] @ self.wheel.compliance).T)
-        both = jump @ spread
-        return [self._influence[j, rows][np.ix_(index, index)] + both[j * n : (j + 1) * n] for j in range(2)]
+        index, band, compliance = facing.covered.index, facing.pairing.bore_band, self.wheel.compliance
+        nodes = len(self.wheel.line.nodes)
+        n_r, n_z = facing.covered.normals.T
+        frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
+        spread = np.zeros((facing.moments, 2 * nodes))
+        for component, scale in enumerate(frame[rows]):
+            band.add_product(spread, scale, compliance[component * nodes : (component + 1) * nodes])
+        every = np.ix_(index, index)
+        both = [self._influence[j, rows][every] for j in range(2)]
+        for out, direction in zip(both, frame, strict=True):
+            for component, scale in enumerate(direction):
+                band.add_product(out, scale, spread[:, component * nodes : (component + 1) * nodes].T)
+        return both
 
     def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A W tau (2, n) [mm] and the bore's displacement for forces W tau (2, n) [N]."""
@@ -157,16 +165,24 @@ class CondensedProblem:
         drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
         a, k = len(active), len(sticking)
         transposed = np.empty((a + k, a + k))
-        for i, rows, part in ((0, active, slice(0, a)), (1, sticking, slice(a, a + k))):
-            if len(rows):
+        columns, held = _span(active), _span(sticking)
+        for i, count, rows, part in ((0, a, columns, slice(0, a)), (1, k, held, slice(a, a + k))):
+            if count:
                 across, along = self._influence(i)
-                every = np.ix_(active, rows)
-                transposed[:a, part] = normal * across[every] + drag * along[every]
+                np.multiply(normal, across[columns][:, rows], out=transposed[:a, part])
+                transposed[:a, part] += drag * along[columns][:, rows]
                 if k:
-                    transposed[a:, part] = covered.weight[sticking, None] * along[np.ix_(sticking, rows)]
+                    transposed[a:, part] = covered.weight[sticking, None] * along[held][:, rows]
         share = kappa if self.facing.nitsche else np.zeros_like(kappa)
         own = (1.0 - share * n_z) / covered.gamma
         diagonal = np.arange(a + k)
         transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
         transposed[np.searchsorted(active, sticking), a + np.arange(k)] -= (share * n_r / covered.gamma)[sticking]
         return transposed.T
+
+
+def _span(index: IntArray) -> IntArray | slice:
+    """A slice where the ascending ``index`` has no holes, so that picking it copies nothing."""
+    if len(index) and int(index[-1]) - int(index[0]) + 1 == len(index):
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index

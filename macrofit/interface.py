@@ -27,6 +27,7 @@ from .mesh import IntArray
 from .scene_keys import ContactKeys
 
 _GAUSS_X = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+_BLOCK = 16  # portions in a block of a Band
 _GAUSS_W = np.array([5.0, 8.0, 5.0]) / 9.0
 
 
@@ -96,11 +97,26 @@ class CoveredSeat:
 
 
 @dataclass(frozen=True)
+class Band:
+    """A sparse matrix of moments whose entries lie along a band, as dense blocks of rows for products with matrices."""
+
+    matrix: FloatArray  # (n, columns), zero outside the blocks
+    blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each
+
+    def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
+        """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (columns, k); skips zero blocks."""
+        for rows, columns in self.blocks:
+            if scale[rows].any():
+                out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
+
+
+@dataclass(frozen=True)
 class Pairing:
     """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
 
     portions: Portions
     bore_jump: sp.csr_matrix  # (2 p n, 2 bore nodes): moments of the bore's displacement, N
+    bore_band: Band  # (p n, bore nodes): moments of one component of it
     bore_slope: sp.csr_matrix  # (p n, bore nodes): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
@@ -317,13 +333,32 @@ def _pairing(
         lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
     else:
         gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
+    entries = _entries(test, values, which, columns)
     return Pairing(
         portions,
-        _vector_rows(_entries(test, values, which, columns), normals, len(bore.nodes)),
+        _vector_rows(entries, normals, len(bore.nodes)),
+        _band(entries, which, columns, (len(normals), len(bore.nodes))),
         _scalar_rows(_entries(test, slopes / extent[:, None], which, columns), (len(normals), len(bore.nodes))),
         _mean(test, gap, which, len(portions.facet)),
         _mean(test, lean, which, len(portions.facet)),
     )
+
+
+def _band(
+    entries: tuple[FloatArray, IntArray, IntArray], portion: IntArray, columns: IntArray, shape: tuple[int, int]
+) -> Band:
+    """The dense blocks of entries whose points come in ascending portions and columns."""
+    data, rows, cols = entries
+    flat = np.bincount(rows * shape[1] + cols, data, minlength=shape[0] * shape[1])
+    matrix = np.asarray(flat.reshape(shape), dtype=np.float64)
+    count = int(portion[-1]) + 1
+    per_portion = shape[0] // count
+    starts = np.arange(0, count, _BLOCK)
+    ends = np.minimum(starts + _BLOCK, count)
+    low = columns[np.searchsorted(portion, starts), 0]
+    high = columns[np.searchsorted(portion, ends) - 1, -1] + 1
+    blocks = zip(starts * per_portion, ends * per_portion, low, high, strict=True)
+    return Band(matrix, tuple((slice(a, b), slice(c, d)) for a, b, c, d in blocks))
 
 
 def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:

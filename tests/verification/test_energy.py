@@ -65,16 +65,32 @@ def test_friction_is_first_order_in_the_increment() -> None:
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.05)
 
 
-def test_reported_balance_is_first_order() -> None:
-    """Solution.energy_balance without friction: to a quarter as the increments go from 2 to 0.5 mm.
+def test_frictionless_push_is_first_order() -> None:
+    """With the force at the end of the increments: to a quarter as they go from 2 to 0.5 mm.
 
     The bounds are wide, 1/2.5 to 1/6, because the force still depends on where the facets stand (1e-3).
     """
     runs = [account(FRICTIONLESS, "motion.travel=60.0", f"motion.increment={step}") for step in (2.0, 1.0, 0.5)]
-    print("frictionless, reported:", [f"{run.reported:.2e}" for run in runs])
-    assert all(run.reported == pytest.approx(abs(run.first_order), rel=1e-9) for run in runs)
-    assert 2.5 < runs[0].reported / runs[2].reported < 6.0
-    assert runs[0].reported > runs[1].reported > runs[2].reported
+    errors = [run.first_order for run in runs]
+    print("frictionless, last force, increments 2, 1, 0.5 mm:", [f"{error:.2e}" for error in errors])
+    assert errors[0] > errors[1] > errors[2] > 0.0
+    assert 2.5 < errors[0] / errors[2] < 6.0
+    for run in runs:  # without friction all of the force is elastic, and its work by the trapezoidal rule
+        expected = abs(run.trapezoid - run.stored) / max(run.trapezoid, run.stored)
+        assert run.reported == pytest.approx(expected, rel=1e-9)
+
+
+def test_reported_balance() -> None:
+    """Solution.energy_balance, over 180 mm with friction: 2e-3 at 10 mm, a fifth of 1e-3 at 1 mm.
+
+    At 10 mm the first contact falls within an increment; at 1 mm the facets' phase is left, 1e-4 on 2 mm facets. The
+    strain energy is a seventieth of the work: it is accounted for within 1.5 %.
+    """
+    runs = [account("mesh.seat_facet=2.0", f"motion.increment={step}") for step in (10.0, 1.0)]
+    print("with friction, reported, increments 10, 1 mm:", [f"{run.reported:.1e}" for run in runs])
+    assert runs[0].reported < 2e-3
+    assert runs[1].reported < 2e-4
+    assert runs[1].reported * runs[1].last < 0.015 * runs[1].stored
 
 
 @pytest.mark.parametrize("facet", [2.0, 1.0])
