@@ -264,7 +264,8 @@ def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> Fl
     if keys.formulation == "penalty":
         stiffness = 10.0 * youngs_modulus if keys.penalty_stiffness is None else keys.penalty_stiffness
         return np.full_like(length, stiffness)
-    return keys.gamma0 * youngs_modulus / length
+    gamma0 = (30.0 if keys.theta == 1 else 10.0) if keys.gamma0 is None else keys.gamma0
+    return gamma0 * youngs_modulus / length
 
 
 def _traction_rows(

@@ -37,13 +37,14 @@ class Report:
     converged: bool
 
 
-def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 100) -> Report:
+def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
     displacement, is taken from the step before. A status that comes back is a cycle: from then on repeated ones
     change one moment at a time.
     """
+    limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
     before: FloatArray | None = None
     seen: set[bytes] = set()
     for iteration in range(1, limit + 1):

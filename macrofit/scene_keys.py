@@ -86,7 +86,7 @@ class ContactKeys(Keys, frozen=True):
 
     formulation: Literal["nitsche", "penalty"] = "nitsche"
     theta: Literal[-1, 0, 1] = 0
-    gamma0: float = 10.0  # gamma = gamma0 E / h
+    gamma0: float | None = None  # gamma = gamma0 E / h; None: 10, and 30 for theta = 1, which is coercive only then
     penalty_stiffness: float | None = None  # MPa/mm; None: 10 E per mm
     direction: Literal["radial", "axial"] | None = None  # of the gap; None: by the shapes
 

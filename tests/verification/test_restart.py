@@ -67,7 +67,7 @@ def test_a_failed_trial_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None
 def failing(monkeypatch: pytest.MonkeyPatch, longest: float) -> None:
     """Make Newton's method fail on increments longer than ``longest`` mm."""
 
-    def stubborn(problem, friction, status, kappa, limit=100) -> Report:  # type: ignore[no-untyped-def]
+    def stubborn(problem, friction, status, kappa, limit=0) -> Report:  # type: ignore[no-untyped-def]
         report = newton(problem, friction, status, kappa, limit)
         slip = problem.facing.approach[1]
         return replace(report, converged=report.converged and float(np.abs(slip).max()) < longest + 0.2)

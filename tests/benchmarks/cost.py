@@ -1,0 +1,70 @@
+"""What a press-fit costs and how exact it is: the table of the README.
+
+    .venv/bin/python -m tests.benchmarks cost [--quick]
+
+For each mesh of `wheelset`: unknowns, CPU seconds of the set-up and of the whole run of 180 increments, CPU
+milliseconds of an increment, the same by the monolithic solver (five increments at 90 mm, where half the seat is in
+contact), and the differences of the final force and of the largest von Mises stress from the finest mesh. Every time
+is the median of three runs of a warm process; the two solvers are compared at the same five increments, in turn.
+"""
+
+from __future__ import annotations
+
+import sys
+from statistics import median
+
+from macrofit.scene import load_scene
+from macrofit.solution import Solution
+from macrofit.solve import solve
+
+MESHES = [(1, 2.0), (1, 1.0), (1, 0.5), (2, 2.0), (2, 1.0), (2, 0.5)]
+PART = ("motion.start=86", "motion.travel=90", "output.stress=false", "output.fields_at=[]")
+HEADER = (
+    "| mesh | dofs | set-up CPU s | increment CPU ms | run CPU s | condensed / monolithic CPU ms | ratio "
+    "| force | von Mises axle, wheel |\n|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def run(order: int, facet: float, *overrides: str) -> Solution:
+    """One run of `wheelset` on a mesh of an order and a facet length [mm]."""
+    return solve(load_scene("wheelset", [f"mesh.order={order}", f"mesh.seat_facet={facet}", *overrides]))
+
+
+def per_increment(solution: Solution) -> float:
+    """CPU milliseconds of an increment."""
+    return 1e3 * solution.increments_cpu_s / len(solution.increments)
+
+
+def row(order: int, facet: float, repeats: int, reference: Solution) -> str:
+    """One line of the table."""
+    run(order, facet, *PART)
+    runs = [run(order, facet) for _ in range(repeats)]
+    last = runs[-1]
+    total = median(s.setup_cpu_s + s.increments_cpu_s + s.stress_cpu_s for s in runs)
+    condensed, monolithic = [], []
+    for _ in range(repeats):
+        condensed.append(per_increment(run(order, facet, *PART)))
+        monolithic.append(per_increment(run(order, facet, *PART, 'solver="monolithic"')))
+    force = last.force[-1] / reference.force[-1] - 1.0
+    stress = [last.max_von_mises[b].value / reference.max_von_mises[b].value - 1.0 for b in ("axle", "wheel")]
+    return (
+        f"| P{order}, {facet:g} mm | {last.dofs / 1000:.1f}k | {median(s.setup_cpu_s for s in runs):.2f} "
+        f"| {median(per_increment(s) for s in runs):.1f} | {total:.2f} "
+        f"| {median(condensed):.1f} / {median(monolithic):.0f} | {median(monolithic) / median(condensed):.0f} "
+        f"| {force:+.1e} | {stress[0]:+.1%}, {stress[1]:+.1%} |"
+    )
+
+
+def main(arguments: list[str]) -> int:
+    """Print the table."""
+    quick = "--quick" in arguments
+    meshes = [(1, 4.0), (2, 4.0)] if quick else MESHES
+    reference = run(2, 2.0 if quick else 0.25)
+    print(HEADER)
+    for order, facet in meshes:
+        print(row(order, facet, 1 if quick else 3, reference), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
