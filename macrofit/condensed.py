@@ -34,6 +34,8 @@ class Condensed:
         # [j, i][column, row]: component i of the approach of a row under component j of a unit force on a column;
         # the last rows and columns are for partly covered facets
         self._influence = np.zeros((2, 2, room, room))
+        nodes = np.arange(seat.loaded)
+        self.own_compliance = axle.compliance[np.concatenate([nodes, seat.line.trace_nodes + nodes])]
         self._transposed = np.ascontiguousarray(axle.compliance.T)
         influence = seat.full.load @ np.ascontiguousarray((seat.full.trial @ axle.compliance).T)
         for j in range(2):
@@ -49,7 +51,7 @@ class Condensed:
 
     def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
-        index, band, compliance = facing.covered.index, facing.pairing.bore_band, self.wheel.compliance
+        index, band, compliance = facing.covered.index, facing.pairing.bore, self.wheel.compliance
         nodes = len(self.wheel.line.nodes)
         n_r, n_z = facing.covered.normals.T
         frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
@@ -69,8 +71,8 @@ class Condensed:
         spread = np.zeros((2, self._influence.shape[2]))
         spread[:, index] = forces
         both = [spread[0] @ self._influence[0, i] + spread[1] @ self._influence[1, i] for i in range(2)]
-        bore = -(self.wheel.compliance @ (facing.pairing.bore_jump.T @ forces.ravel()))
-        return np.stack(both)[:, index] - (facing.pairing.bore_jump @ bore).reshape(2, -1), bore
+        bore = -(self.wheel.compliance @ facing.pairing.bore_loads(forces))
+        return np.stack(both)[:, index] - facing.pairing.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -125,9 +127,9 @@ class CondensedProblem:
         return Answer(traction, trial, total, facing.kappa(bore))
 
     def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
-        """Displacements of the axle's trace nodes and of the bore's nodes [mm]."""
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
         seat_load, bore_load = self.facing.loads(answer.total)
-        return self.engine.axle.compliance @ seat_load, self.engine.wheel.compliance @ bore_load
+        return self.engine.own_compliance @ seat_load, self.engine.wheel.compliance @ bore_load
 
     def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
         """Follow a change of kappa in the rows of the response that the next residual needs."""

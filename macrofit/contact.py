@@ -84,7 +84,7 @@ class Facing:
     def loads(self, total: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nodal forces [N] on the axle's loaded nodes and on the bore's nodes."""
         forces = self.covered.weight * total
-        return self.covered.loads(forces), -(self.pairing.bore_jump.T @ forces.ravel())
+        return self.covered.loads(forces), -self.pairing.bore_loads(forces)
 
     def axial_force(self, total: FloatArray) -> float:
         """Axial resultant on the axle [N]: the pushing force."""
@@ -95,15 +95,11 @@ class Facing:
         """kappa (n,) at a displacement (2 bore nodes,) of the bore [mm]."""
         if not self.radial:
             return self.pairing.lean
-        slope = self.pairing.bore_slope
-        u_r, u_z = bore.reshape(2, -1)
-        n_r, n_z = self.covered.normals.T
-        return np.asarray(self.pairing.lean + n_r * (slope @ u_r) + n_z * (slope @ u_z))
+        return self.pairing.lean + self.pairing.bore_slope(bore)
 
     def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
         """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
-        moved = (self.pairing.bore_jump @ bore).reshape(2, -1)
-        return np.asarray(self.approach - self.covered.apply("jump", seat) + moved)
+        return self.approach - self.covered.seat_moments(seat) + self.pairing.bore_moments(bore)
 
 
 def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -57,7 +58,7 @@ class SeatRows:
     """Operators of n moments on the axle's trace nodes, rows component-major."""
 
     weight: FloatArray  # (n,) [mm2]
-    jump: sp.csr_matrix  # (2 n, 2 trace nodes) J
+    jump: sp.csr_matrix  # (2 n, 2 loaded nodes) J
     trial: sp.csr_matrix  # (2 n, 2 trace nodes) J - T/gamma; J for penalty
     load: sp.csr_matrix  # (2 n, 2 loaded nodes) J - theta/gamma T
     load_transposed: sp.csr_matrix
@@ -76,12 +77,12 @@ class CoveredSeat:
     gamma: FloatArray  # (n,) [MPa/mm]
     normals: FloatArray  # (n, 2)
 
-    def apply(self, operator: str, displacement: FloatArray) -> FloatArray:
-        """(2, n) moments of ``operator`` ("jump", "trial") of a displacement of the trace nodes."""
+    def seat_moments(self, displacement: FloatArray) -> FloatArray:
+        """J u (2, n) of a displacement (2 loaded nodes,) of the seat."""
         size = len(self.full.weight)
-        values = (getattr(self.full, operator) @ displacement).reshape(2, -1)
+        values = (self.full.jump @ displacement).reshape(2, -1)
         if self.partial is not None:
-            extra = (getattr(self.partial, operator) @ displacement).reshape(2, -1)
+            extra = (self.partial.jump @ displacement).reshape(2, -1)
             values = np.concatenate([values[:, :size], extra], axis=1)
         return np.asarray(values[:, self.index])
 
@@ -115,11 +116,34 @@ class Pairing:
     """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
 
     portions: Portions
-    bore_jump: sp.csr_matrix  # (2 p n, 2 bore nodes): moments of the bore's displacement, N
-    bore_band: Band  # (p n, bore nodes): moments of one component of it
-    bore_slope: sp.csr_matrix  # (p n, bore nodes): moments of its derivative along the bore
+    normals: FloatArray  # (p n, 2)
+    bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
+    slope: FloatArray  # (p n, bore nodes): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
+
+    def bore_moments(self, displacement: FloatArray) -> FloatArray:
+        """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
+        r, z = (self.bore.matrix @ displacement.reshape(2, -1).T).T
+        n_r, n_z = self.normals.T
+        return np.stack([n_r * r + n_z * z, n_r * z - n_z * r])
+
+    def bore_loads(self, forces: FloatArray) -> FloatArray:
+        """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]."""
+        n_r, n_z = self.normals.T
+        components = np.stack([n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]])
+        return np.asarray((components @ self.bore.matrix).ravel())
+
+    def bore_slope(self, displacement: FloatArray) -> FloatArray:
+        """n . du/ds (p n,), moments along the bore."""
+        r, z = (self.slope @ displacement.reshape(2, -1).T).T
+        return np.asarray(self.normals[:, 0] * r + self.normals[:, 1] * z)
+
+    @property
+    def bore_rows(self) -> sp.csr_matrix:
+        """N as a sparse matrix (2 p n, 2 bore nodes)."""
+        n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(self.bore.matrix) for k in (0, 1))
+        return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
 
 
 def portions_of(line: ContactLine, facet: IntArray, start: FloatArray, end: FloatArray) -> Portions:
@@ -207,7 +231,7 @@ class Seat:
         self.size = line.facets * self.moments
         self.full = self.rows(portions)
 
-    @property
+    @cached_property
     def stabilisation(self) -> sp.csr_matrix | None:
         """-theta T' W / gamma T on the trace degrees of freedom; None where it vanishes."""
         if self.full.traction is None or self.theta == 0.0:
@@ -233,7 +257,8 @@ class Seat:
             trial = (jump - scaled).tocsr()
             load = (jump - self.theta * scaled).tocsr() if self.theta else jump
         nodes = np.arange(self.loaded)
-        load = load[:, np.concatenate([nodes, line.trace_nodes + nodes])]
+        loaded = np.concatenate([nodes, line.trace_nodes + nodes])
+        jump, load = jump[:, loaded], load[:, loaded]
         return SeatRows(portions.weight.ravel(), jump, trial, load, load.T.tocsr(), traction)
 
     def cover(self, portions: Portions) -> CoveredSeat:
@@ -334,32 +359,32 @@ def _pairing(
         lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
     else:
         gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
-    entries = _entries(test, values, which, columns)
+    shape = (len(normals), len(bore.nodes))
     return Pairing(
         portions,
-        _vector_rows(entries, normals, len(bore.nodes)),
-        _band(entries, which, columns, (len(normals), len(bore.nodes))),
-        _scalar_rows(_entries(test, slopes / extent[:, None], which, columns), (len(normals), len(bore.nodes))),
+        normals,
+        Band(_dense_rows(_entries(test, values, which, columns), shape), _blocks(which, columns, test.shape[1])),
+        _dense_rows(_entries(test, slopes / extent[:, None], which, columns), shape),
         _mean(test, gap, which, len(portions.facet)),
         _mean(test, lean, which, len(portions.facet)),
     )
 
 
-def _band(
-    entries: tuple[FloatArray, IntArray, IntArray], portion: IntArray, columns: IntArray, shape: tuple[int, int]
-) -> Band:
-    """The dense blocks of entries whose points come in ascending portions and columns."""
-    data, rows, cols = entries
-    flat = np.bincount(rows * shape[1] + cols, data, minlength=shape[0] * shape[1])
-    matrix = np.asarray(flat.reshape(shape), dtype=np.float64)
+def _dense_rows(entries: tuple[FloatArray, IntArray, IntArray], shape: tuple[int, int]) -> FloatArray:
+    data, rows, columns = entries
+    flat = np.bincount(rows * shape[1] + columns, data, minlength=shape[0] * shape[1])
+    return np.asarray(flat.reshape(shape), dtype=np.float64)
+
+
+def _blocks(portion: IntArray, columns: IntArray, moments: int) -> tuple[tuple[slice, slice], ...]:
+    """Rows and columns of the blocks of a band whose points come in ascending portions and columns."""
     count = int(portion[-1]) + 1
-    per_portion = shape[0] // count
     starts = np.arange(0, count, _BLOCK)
     ends = np.minimum(starts + _BLOCK, count)
     low = columns[np.searchsorted(portion, starts), 0]
     high = columns[np.searchsorted(portion, ends) - 1, -1] + 1
-    blocks = zip(starts * per_portion, ends * per_portion, low, high, strict=True)
-    return Band(matrix, tuple((slice(a, b), slice(c, d)) for a, b, c, d in blocks))
+    rows = zip(starts * moments, ends * moments, low, high, strict=True)
+    return tuple((slice(a, b), slice(c, d)) for a, b, c, d in rows)
 
 
 def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:

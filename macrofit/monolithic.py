@@ -52,7 +52,7 @@ class MonolithicProblem:
 
     def __init__(self, engine: Monolithic, facing: Facing) -> None:
         self.engine, self.facing = engine, facing
-        jump = facing.pairing.bore_jump @ engine.bore
+        jump = facing.pairing.bore_rows @ engine.bore
         self.gap = sp.hstack([_rows(facing, "trial") @ engine.trace, -jump], format="csr")
         self.test = sp.hstack([_rows(facing, "load") @ engine.loaded, -jump], format="csr")
         self.displacement = np.zeros(engine.stiffness.shape[0])
@@ -72,9 +72,9 @@ class MonolithicProblem:
         return Answer(traction, trial, total, facing.kappa(self.displacements(None)[1]))
 
     def displacements(self, answer: Answer | None) -> tuple[FloatArray, FloatArray]:
-        """Displacements of the axle's trace nodes and of the bore's nodes [mm] at the last solve."""
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last solve."""
         count = self.engine.trace.shape[1]
-        return self.engine.trace @ self.displacement[:count], self.engine.bore @ self.displacement[count:]
+        return self.engine.loaded @ self.displacement[:count], self.engine.bore @ self.displacement[count:]
 
     def _response(self, status: Status, kappa: FloatArray, friction: FloatArray) -> sp.csr_matrix:
         """M (2 n, 2 n) with tau = M y."""

@@ -11,7 +11,7 @@ from .contact import Answer, Status, classify, law
 from .geometry import FloatArray
 
 TOLERANCE = 1e-10
-"""Largest relative change of the traction in the last step; the error left is smaller by Newton's contraction."""
+"""Largest relative change of the traction in the last step; the error left is some hundred times smaller."""
 
 
 class LinearProblem(Protocol):
@@ -22,7 +22,7 @@ class LinearProblem(Protocol):
         ...
 
     def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
-        """Displacements of the axle's trace nodes and of the bore's nodes [mm] at the last answer."""
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last answer."""
         ...
 
 
@@ -53,7 +53,7 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         scale = float(np.abs(answer.traction).max(initial=0.0))
         settled = asked.same(status) and (
             bool((np.abs(answer.kappa - kappa) <= 1e-13).all())
-            or (before is not None and float(np.abs(answer.traction - before).max()) <= TOLERANCE * scale)
+            or (before is not None and float(np.abs(answer.traction - before).max(initial=0.0)) <= TOLERANCE * scale)
         )
         if settled or iteration == limit:
             break

@@ -39,7 +39,7 @@ class State:
 
     displacement: float
     direction: float  # sign of the last motion
-    seat_displacement: FloatArray  # (2 trace nodes,) [mm]
+    seat_displacement: FloatArray  # (2 loaded nodes,) [mm]
     bore_displacement: FloatArray  # (2 bore nodes,) [mm]
     seat_load: FloatArray  # (2 loaded nodes,) [N]
     bore_load: FloatArray  # (2 bore nodes,) [N]
@@ -88,7 +88,7 @@ class Press:
         return State(
             self.scene.displacements[0],
             0.0,
-            np.zeros(2 * line.trace_nodes),
+            np.zeros(2 * self.seat.loaded),
             np.zeros(2 * len(self.bore.nodes)),
             np.zeros(2 * self.seat.loaded),
             np.zeros(2 * len(self.bore.nodes)),
@@ -145,8 +145,7 @@ class Press:
             return self._apart(state, displacement)
         moved = displacement - state.displacement
         covered = self.seat.cover(pairing.portions)
-        bore_old = (pairing.bore_jump @ state.bore_displacement).reshape(2, -1)
-        slip_old = covered.apply("jump", state.seat_displacement)[1] - bore_old[1]
+        slip_old = (covered.seat_moments(state.seat_displacement) - pairing.bore_moments(state.bore_displacement))[1]
         approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + slip_old])
         facing = Facing(covered, pairing, approach, self.seat.line.radial, self.seat.nitsche)
         friction = self._facet_friction(pairing, state, displacement)[covered.facet]
@@ -243,9 +242,8 @@ class Press:
 
     def _strain_energy(self, state: State) -> float:
         """1/2 u' K u of both bodies [N mm]."""
-        seat = state.seat_displacement.reshape(2, -1)[:, : self.seat.loaded].ravel()
-        energy = 0.5 * float(state.seat_load @ seat + state.bore_load @ state.bore_displacement)
-        stabilisation = self.seat.stabilisation if self.seat.theta else None
+        energy = 0.5 * float(state.seat_load @ state.seat_displacement + state.bore_load @ state.bore_displacement)
+        stabilisation = self.seat.stabilisation
         if stabilisation is not None:
             energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
         return energy

@@ -47,10 +47,8 @@ def test_linear_fields_face_each_other(travel: float) -> None:
         z = nodes[:, 1] + shift
         return np.concatenate([1.0 + 0.01 * z, 2.0 - 0.02 * z])
 
-    on_seat = np.zeros(2 * press.seat.line.trace_nodes).reshape(2, -1)
-    on_seat[:, : len(press.seat.line.nodes)] = linear(press.seat.line.nodes, 0.0).reshape(2, -1)
-    seat = covered.apply("jump", on_seat.ravel())
-    bore = (pairing.bore_jump @ linear(press.bore.nodes, travel)).reshape(2, -1)
+    seat = covered.seat_moments(linear(press.seat.line.nodes, 0.0))
+    bore = pairing.bore_moments(linear(press.bore.nodes, travel))
     assert seat == pytest.approx(bore, abs=1e-12)
 
 
