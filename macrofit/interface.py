@@ -121,6 +121,7 @@ class Pairing:
     slope: FloatArray  # (p n, bore nodes): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
+    clearance: float  # smallest undeformed gap at the ends that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
         """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
@@ -313,8 +314,12 @@ def _traction_rows(
     )
 
 
-def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
-    """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap."""
+def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> Pairing | None:
+    """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap.
+
+    With a finite ``reach`` the facets at either end are left out where the undeformed gap is wider than ``reach`` times
+    the deepest interpenetration, and None is returned where the gap is open all along.
+    """
     shift = travel if seat.radial else 0.0
     s, b = seat.coordinate, bore.coordinate + shift
     low, high = max(s[0], b[0]), min(s[-1], b[-1])
@@ -325,6 +330,19 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
     keep = np.append(True, np.diff(cuts) > 1e-12 * (high - low))
     cuts = cuts[keep]
     cuts[-1] = high
+    clearance = np.inf
+    if np.isfinite(reach):
+        gap = open_gap(seat, bore, travel, cuts)
+        depth = -float(gap.min())
+        if depth <= -0.02 * float(seat.length.max()):
+            return None
+        if depth > 0.0:
+            near = np.flatnonzero(gap < reach * depth)
+            low = max(low, s[np.searchsorted(s, cuts[near[0]], side="right") - 1])
+            high = min(high, s[min(np.searchsorted(s, cuts[near[-1]], side="left"), len(s) - 1)])
+            kept = (cuts >= low) & (cuts <= high)
+            clearance = float(gap[~kept].min(initial=np.inf))
+            cuts = cuts[kept]
     middle = 0.5 * (cuts[1:] + cuts[:-1])
     facet = np.searchsorted(s, middle, side="right") - 1
     bore_facet = np.searchsorted(b, middle, side="right") - 1
@@ -332,14 +350,23 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float) -> Pairing | None:
     covered = np.arange(first, last + 1)
     portions = portions_of(seat, covered, np.maximum(s[covered], low), np.minimum(s[covered + 1], high))
     q, which, test = _quadrature(seat, portions, facet - first, cuts[:-1], cuts[1:])
-    return _pairing(seat, bore, travel, shift, portions, np.repeat(bore_facet, len(_GAUSS_X)), q, which, test)
+    return _pairing(seat, bore, travel, clearance, portions, np.repeat(bore_facet, len(_GAUSS_X)), q, which, test)
+
+
+def open_gap(seat: ContactLine, bore: ContactLine, travel: float, s: FloatArray) -> FloatArray:
+    """Undeformed gap [mm] at coordinates s of the seat, in the direction of the heights; < 0: interpenetration."""
+    shift = travel if seat.radial else 0.0
+    height = bore.generatrix.height(s - shift) - seat.generatrix.height(s)
+    if seat.radial:
+        return np.asarray(height)
+    return np.asarray((height + travel) * np.sign(seat.normals[0, 1]))
 
 
 def _pairing(
     seat: ContactLine,
     bore: ContactLine,
     travel: float,
-    shift: float,
+    clearance: float,
     portions: Portions,
     bore_facet: IntArray,
     s: FloatArray,
@@ -348,7 +375,7 @@ def _pairing(
 ) -> Pairing:
     x = bore.coordinate
     extent = x[bore_facet + 1] - x[bore_facet]
-    zeta = s - shift
+    zeta = s - (travel if seat.radial else 0.0)
     values, slopes = _shape(bore.order, (zeta - x[bore_facet]) / extent)
     columns = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
     normals = np.repeat(seat.normals[portions.facet], test.shape[1], axis=0)
@@ -367,6 +394,7 @@ def _pairing(
         _dense_rows(_entries(test, slopes / extent[:, None], which, columns), shape),
         _mean(test, gap, which, len(portions.facet)),
         _mean(test, lean, which, len(portions.facet)),
+        clearance,
     )
 
 

@@ -20,6 +20,9 @@ from .newton import LinearProblem, Report, newton
 from .scene_keys import Scene
 from .solution import OPEN, SLIP, STICK, FacetState, Increment
 
+REACH = 1.5
+"""Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
+
 TILE = 1.0  # mm, length of a friction tile
 
 
@@ -139,10 +142,23 @@ class Press:
                 target = displacement
 
     def trial(self, state: State, displacement: float) -> Step:
-        """Solve one displacement from a committed state, which is left as it is."""
-        pairing = pair(self.seat.line, self.bore, displacement)
+        """Solve one displacement from a committed state, which is left as it is.
+
+        Ends of the lines that stand wide open are left out, unless the bodies turn out to move as far as that.
+        """
+        pairing = pair(self.seat.line, self.bore, displacement, REACH)
         if pairing is None:
             return self._apart(state, displacement)
+        step = self._solve(state, displacement, pairing)
+        height = 0 if self.seat.line.radial else 1
+        bodies = (step.state.seat_displacement, step.state.bore_displacement)
+        if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < pairing.clearance:
+            return step
+        everything = pair(self.seat.line, self.bore, displacement)
+        assert everything is not None
+        return self._solve(state, displacement, everything)
+
+    def _solve(self, state: State, displacement: float, pairing: Pairing) -> Step:
         moved = displacement - state.displacement
         covered = self.seat.cover(pairing.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - pairing.bore_moments(state.bore_displacement))[1]

@@ -19,7 +19,7 @@ OPEN, STICK, SLIP = 0, 1, 2
 
 @dataclass(frozen=True)
 class FacetState:
-    """The seat's facets at one increment, arrays of shape (facets,); zero where the wheel does not cover them."""
+    """The seat's facets at one increment, arrays of shape (facets,); zero where the wheel is not near."""
 
     pressure: FloatArray  # MPa, mean over the covered part of the facet
     traction: FloatArray  # MPa, tangential, on the axle; has the sign of slip
