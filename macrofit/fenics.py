@@ -6,8 +6,11 @@ Written for dolfinx 0.5.2 (Debian 12).
 from __future__ import annotations
 
 import ctypes
+import logging
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import basix
@@ -53,10 +56,11 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
     """Assemble ``form(u, v, x, constants)`` on the mesh; every rank holds the whole body it calls this for."""
     domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.triangle, 1))
     grid = mesh.create_mesh(MPI.COMM_SELF, data.triangles, data.points, domain)
-    space = fem.VectorFunctionSpace(grid, ("Lagrange", order))
+    space = _compiling(lambda: fem.VectorFunctionSpace(grid, ("Lagrange", order)))
     values = [fem.Constant(grid, PETSc.ScalarType(value)) for value in constants]
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    matrix = fem_petsc.assemble_matrix(fem.form(form(u, v, ufl.SpatialCoordinate(grid), values)))
+    weak = form(u, v, ufl.SpatialCoordinate(grid), values)
+    matrix = fem_petsc.assemble_matrix(_compiling(lambda: fem.form(weak)))
     matrix.assemble()
     indptr, indices, entries = matrix.getValuesCSR()
     size = matrix.getSize()
@@ -73,6 +77,30 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
         _locate_edges(original, data.edges, len(data.points)),
         sp.csr_matrix((entries, indices, indptr), shape=size),
     )
+
+
+def _compiling(build: Callable[[], Any]) -> Any:
+    """What ``build`` makes, compiling code where it must, without the compiler's own messages.
+
+    A compilation that was killed leaves a source without a library, for which later ones wait in vain (ten seconds,
+    then TimeoutError): such leftovers are removed, and the code is compiled anew.
+    """
+    enabled = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        return build()
+    except TimeoutError:
+        _remove_leftovers()
+        return build()
+    finally:
+        logging.disable(enabled)
+
+
+def _remove_leftovers() -> None:
+    cache = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "fenics"
+    for source in cache.glob("libffcx_*.c"):
+        if not source.with_suffix(".c.cached").exists():
+            source.unlink(missing_ok=True)
 
 
 def _locate_edges(triangles: IntArray, edges: dict[str, IntArray], points: int) -> dict[str, IntArray]:
