@@ -7,10 +7,10 @@ from mpi4py import MPI
 from .body import Body, CondensedBody, compile_form
 from .condensed import Condensed
 from .friction import BuildContext, FrictionField, build
-from .interface import Seat
 from .parallel import SharedAsk, raise_together
 from .press import TILE, Engine, tiles
 from .scene_keys import Scene
+from .seat import Seat
 
 
 def owner(comm: MPI.Comm, body: str) -> int:

@@ -18,8 +18,8 @@ import scipy.linalg as sla
 from .body import CondensedBody
 from .contact import Answer, Facing, Status
 from .geometry import FloatArray
-from .interface import Seat, SeatRows
 from .mesh import IntArray
+from .seat import Seat, SeatRows
 from .solution import OPEN, SLIP, STICK
 
 

@@ -29,7 +29,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import FloatArray
-from .interface import CoveredSeat, Pairing
+from .interface import Pairing
+from .seat import CoveredSeat
 from .solution import OPEN, SLIP, STICK
 
 StatusArray = npt.NDArray[np.int8]

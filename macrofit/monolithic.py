@@ -13,8 +13,8 @@ from .body import Body
 from .contact import Answer, Facing, Status
 from .fenics import Factor
 from .geometry import FloatArray
-from .interface import Seat, SeatRows
 from .mesh import IntArray
+from .seat import Seat, SeatRows
 from .solution import OPEN, SLIP, STICK
 
 

@@ -14,10 +14,11 @@ from .contact import Answer, Facing, Status, StatusArray
 from .errors import ConvergenceError
 from .friction import FrictionField, tile_overlaps
 from .geometry import FloatArray
-from .interface import Pairing, Seat, pair
+from .interface import Pairing, pair
 from .mesh import IntArray
 from .newton import LinearProblem, Report, newton
 from .scene_keys import Scene
+from .seat import Seat
 from .solution import OPEN, SLIP, STICK, FacetState, Increment
 
 REACH = 1.5

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from small import condensed_press, small_press
 
-from macrofit.interface import _quadrature, pair, portions_of
+from macrofit.interface import pair
+from macrofit.moments import portions_of, quadrature
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -17,7 +18,7 @@ def test_basis_is_orthogonal_in_the_ring_measure(order: int) -> None:
     assert pairing is not None
     portions = pairing.portions
     index = np.arange(len(portions.facet))
-    s, which, test = _quadrature(press.seat.line, portions, index, portions.start, portions.end)
+    s, which, test = quadrature(press.seat.line, portions, index, portions.start, portions.end)
     values = portions.basis(which, s) * portions.weight[which]
     count, n = portions.weight.shape
     gram = np.zeros((count, n, n))

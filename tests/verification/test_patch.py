@@ -14,10 +14,11 @@ import scipy.sparse.linalg as spla
 
 from macrofit.body import Body
 from macrofit.geometry import FloatArray
-from macrofit.interface import Seat, pair
+from macrofit.interface import pair
 from macrofit.material import Material
 from macrofit.mesh import IntArray
 from macrofit.scene import Disc, Scene, load_scene
+from macrofit.seat import Seat
 from macrofit.solve import solve
 
 VARIANTS = [("nitsche", -1), ("nitsche", 0), ("nitsche", 1), ("penalty", 0)]

@@ -12,8 +12,9 @@ from macrofit.assembly import condense_bodies, discretise_bodies
 from macrofit.condensed import Condensed
 from macrofit.contact import Facing, Status, classify, law
 from macrofit.geometry import FloatArray
-from macrofit.interface import Seat, pair
+from macrofit.interface import pair
 from macrofit.monolithic import Monolithic, MonolithicProblem
+from macrofit.seat import Seat
 from macrofit.solution import OPEN, SLIP, STICK
 
 MU = 0.11
