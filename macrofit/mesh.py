@@ -32,6 +32,7 @@ def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
     import gmsh
 
     gmsh.initialize()
+    signal.signal(signal.SIGINT, interrupt)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add(drawing.contact)
@@ -134,7 +135,10 @@ def read_mesh(path: str, body: str) -> MeshData:
         mesh = meshio.read(file)
     except (Exception, SystemExit) as error:
         raise MeshError(f"mesh.{body}: '{path}' cannot be read: {error or type(error).__name__}") from None
-    points = np.ascontiguousarray(np.asarray(mesh.points, dtype=np.float64)[:, :2])
+    points = np.asarray(mesh.points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] < 2:
+        raise MeshError(f"mesh.{body}: '{path}' holds no points; is its name's ending that of its format?")
+    points = np.ascontiguousarray(points[:, :2])
     triangles = [
         np.asarray(block.data, dtype=np.int64)[:, :3] for block in mesh.cells if block.type in ("triangle", "triangle6")
     ]

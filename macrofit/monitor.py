@@ -5,6 +5,7 @@ The solver calls a monitor on every rank; the ones below are given to the first 
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -151,4 +152,5 @@ def on_screen(*, quiet: bool) -> Monitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
     if quiet:
         return Silent()
-    return Progress() if sys.stdout.isatty() else Lines()
+    launched = any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"))  # gives rank 0 a terminal
+    return Progress() if sys.stdout.isatty() and not launched else Lines()

@@ -65,6 +65,10 @@ def verdict(solution: Solution) -> tuple[Verdict | None, str]:
         return None, "the wheel is not pushed on from the entrance of the seat"
     if force.max() <= 0.0:
         return None, "no force is needed to push the wheel on"
+    wheel = scene.wheel
+    covered = min(float(displacement[-1]), axle.seat_length, wheel.hub_length)
+    if covered < 0.8 * min(axle.seat_length, wheel.hub_length):
+        return None, f"the wheel is pushed on by {displacement[-1]:g} mm only"
     return _judge(2.0 * axle.seat_radius, displacement, force), ""
 
 

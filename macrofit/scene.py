@@ -101,7 +101,10 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
         if not path.is_file():
             known = ", ".join(scene_names())
             raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
-        text, folder = path.read_text(), path.parent
+        try:
+            text, folder = path.read_text(encoding="utf-8"), path.parent
+        except (OSError, UnicodeDecodeError) as error:
+            raise SceneError(f"{name}: cannot be read as text: {error}") from None
     try:
         return tomllib.loads(text), folder
     except tomllib.TOMLDecodeError as error:

@@ -187,7 +187,7 @@ def _check_pair(scene: Scene) -> None:
         return
     interference = axle.seat_radius - wheel.bore_radius
     _need(
-        interference < 0.02 * axle.seat_radius,
+        interference <= 0.02 * axle.seat_radius,
         f"wheel.bore_radius: {wheel.bore_radius} under a seat_radius of {axle.seat_radius} is an interference of "
         f"{interference:.4g} mm, beyond small strain (at most {0.02 * axle.seat_radius:.3g} mm); "
         f"check whether a diameter was meant",
@@ -203,8 +203,9 @@ def _check_pair(scene: Scene) -> None:
     tail = axle.seat_radius if axle.tail_radius is None else axle.tail_radius
     far = max(scene.displacements)
     _need(
-        tail <= max(axle.seat_radius, wheel.bore_radius) or far <= axle.seat_length,
-        f"motion.travel: {far} runs the wheel into the shoulder behind the seat, at {axle.seat_length}",
+        tail <= wheel.bore_radius or far <= axle.seat_length,
+        f"motion.travel: {far} runs the wheel past the end of the seat, {axle.seat_length}, onto a tail wider than the "
+        f"bore, where no contact is looked for; lengthen axle.seat_length",
     )
 
 
@@ -215,8 +216,8 @@ def _check_motion(scene: Scene) -> None:
     if motion.displacements is not None:
         _need(len(motion.displacements) > 0, "motion.displacements: is empty")
         _need(
-            motion.start == 0.0 and motion.travel == 0.0,
-            "motion.displacements: leave out start and travel where a list is given",
+            motion.start == 0.0 and motion.travel == 0.0 and motion.increment == 1.0,
+            "motion.displacements: leave out start, travel and increment where a list is given",
         )
         steps = zip(motion.displacements, motion.displacements[1:], strict=False)
         _need(all(a != b for a, b in steps), "motion.displacements: two equal displacements follow each other")

@@ -64,6 +64,7 @@ def solve(
             "factorisations": axle.factorisations + wheel.factorisations + stresses.factorisations,
             "interface_factorisations": engine.factorisations,
             "newton_iterations": sum(record.newton_iterations for record in increments),
+            "right_hand_sides": stresses.back_substitutions,  # condensing takes none, a Schur complement instead
             "back_substitutions": stresses.back_substitutions,
             "provider_calls": friction.calls,
             "pairs_asked": friction.pairs_asked,

@@ -1,6 +1,6 @@
 """Does every increment of every built-in scene converge, whatever the friction and the Nitsche parameter?
 
-    python tests/benchmarks/sweep.py [SCENE ...] [--set key=value ...]
+    python -m tests.benchmarks sweep [SCENE ...] [--set key=value ...]
 
 Prints a Markdown table and ends with 1 where a run failed or an increment did not converge. Cutbacks are no failure
 but are shown. ``--set mesh.seat_facet=4`` makes a quick one.
@@ -86,11 +86,12 @@ def sweep(scenes: Sequence[str], overrides: Sequence[str] = ()) -> Iterator[Case
         yield run(scene, friction, gamma0, overrides)
 
 
-def main() -> int:
+def main(words: Sequence[str]) -> int:
+    """Run the sweep and print its table; 1 where anything failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="built-in scenes; all of them by default")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     print(HEADER)
     failed = 0
     for case in sweep(arguments.scenes or scene_names(), arguments.overrides):
@@ -101,4 +102,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -142,6 +142,12 @@ def test_unreadable_file(content: str | None, message: str, tmp_path: Path) -> N
         read_mesh(str(path), "axle")
 
 
+def test_wrong_ending(tmp_path: Path) -> None:
+    (tmp_path / "axle.inp").write_text((MESHES / "axle.msh").read_text())
+    with pytest.raises(MeshError, match="holds no points"):
+        read_mesh(str(tmp_path / "axle.inp"), "axle")
+
+
 def test_turned_contact_line(tmp_path: Path) -> None:
     """A contact line that is not a graph is refused: here the held end face is called the seat."""
     text = (

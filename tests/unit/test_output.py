@@ -251,7 +251,7 @@ def test_the_curve_bulges_or_sags():
 
 
 def test_a_reversal_ends_what_is_judged():
-    scene = fake_scene(displacements=[0.0, 4.0, 8.0, 12.0, 8.0, 4.0])
+    scene = fake_scene(displacements=[0.0, 6.0, 12.0, 18.0, 12.0, 6.0])
     judged, _ = report.verdict(fake_solution(scene, np.array([0.0, 2e5, 5e5, 7e5, -9e5, -4e5])))
     assert judged.final_force == 7e5
     assert judged.oscillation == 0.0
@@ -265,6 +265,7 @@ def test_no_verdict_without_a_press_fit():
         (fake_solution(axial), "not drawn with two radii"),
         (fake_solution(shrunk), "not pushed on from the entrance"),
         (fake_solution(force=np.zeros(10)), "no force"),
+        (fake_solution(fake_scene(travel=6.0), np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])), "by 6 mm only"),
     ]:
         assert report.verdict(solution)[0] is None
         assert reason in report.summary(solution)["verdict_reason"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -113,7 +114,7 @@ def test_a_bore_too_narrow_to_enter() -> None:
 
 
 def test_a_wheel_run_into_the_shoulder() -> None:
-    with pytest.raises(SceneError, match=r"^motion\.travel: 200\.0 runs the wheel into the shoulder"):
+    with pytest.raises(SceneError, match=r"^motion\.travel: 200\.0 runs the wheel past the end of the seat"):
         load_scene("wheelset", ["axle.tail_radius=100.0", "motion.travel=200"])
 
 
@@ -124,13 +125,19 @@ def test_missing_key_and_missing_table() -> None:
         build_scene({"axle": WHEELSET["axle"], "wheel": WHEELSET["wheel"]})
 
 
+def test_a_file_that_is_not_text(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(SceneError, match="cannot be read as text"):
+        load_scene(tmp_path / "scene.toml")
+
+
 def test_no_such_scene() -> None:
     with pytest.raises(SceneError, match=r"no scene .wheelsett..*wheelset"):
         load_scene("wheelsett")
 
 
 def test_a_list_of_displacements_stands_alone() -> None:
-    with pytest.raises(SceneError, match=r"^motion\.displacements: leave out start and travel"):
+    with pytest.raises(SceneError, match=r"^motion\.displacements: leave out start, travel and increment"):
         load_scene("wheelset", ["motion.displacements=[1.0, 2.0]"])
     scene = load_scene("wheelset", ["motion.start=0", "motion.travel=0", "motion.displacements=[20.0, 21.0, 20.5]"])
     assert scene.displacements == (20.0, 21.0, 20.5)
