@@ -22,7 +22,12 @@ CASES = {
     "p1": ("mesh.order=1",),
     "frictionless": ("friction.options.coefficient=0.0",),
     "sticky": ("friction.options.coefficient=0.6",),
-    "reversal": ("motion.start=0", "motion.travel=0", "motion.displacements=[40, 45, 44.99, 44.9, 44, 46]"),
+    "reversal": (
+        "motion.start=0",
+        "motion.travel=0",
+        "motion.increment=1",
+        "motion.displacements=[40, 45, 44.99, 44.9, 44, 46]",
+    ),
     "partly covered": ("motion.start=41.3", "motion.travel=47.9", "motion.increment=0.7"),
 }
 
