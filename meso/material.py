@@ -1,0 +1,54 @@
+"""The elastic solid of the plates, and the beams that stand for it between the spheres."""
+
+from __future__ import annotations
+
+import msgspec
+
+from .errors import SettingsError
+
+
+class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An isotropic elastic solid, by default steel (EN 13261 axle steel, as in the press-fit solver).
+
+    Raises:
+        SettingsError: a modulus or density that is not positive, a Poisson ratio outside -1 ... 0.5.
+    """
+
+    youngs_modulus: float = 210e3
+    """E_M [MPa]."""
+    poisson_ratio: float = 0.3
+    """nu_M [-]."""
+    density: float = 7.85e-9
+    """rho_M [t/mm3]."""
+
+    def __post_init__(self) -> None:
+        if not (self.youngs_modulus > 0.0 and self.density > 0.0):
+            raise SettingsError("material: youngs_modulus [MPa] and density [t/mm3] must be > 0")
+        if not -1.0 < self.poisson_ratio < 0.5:
+            raise SettingsError(f"material: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")
+
+
+class Beams(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Microscopic parameters: the beams between the spheres, found by calibration (`meso.calibrate`).
+
+    Raises:
+        SettingsError: a modulus or radius ratio that is not positive, a Poisson ratio outside -1 ... 0.5.
+    """
+
+    youngs_modulus: float
+    """E_mu [MPa]."""
+    radius_ratio: float
+    """r~ = beam radius over the mean radius of the two spheres [-]."""
+    poisson_ratio: float = 0.3
+    """nu_mu [-]; hardly matters, the beams twist little."""
+
+    def __post_init__(self) -> None:
+        if not (self.youngs_modulus > 0.0 and self.radius_ratio > 0.0):
+            raise SettingsError("beams: youngs_modulus [MPa] and radius_ratio [-] must be > 0")
+        if not -1.0 < self.poisson_ratio < 0.5:
+            raise SettingsError(f"beams: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")
+
+    @property
+    def twist(self) -> float:
+        """(G I_o - E I)/(E I) = -nu/(1 + nu) [-], with I_o = 2 I and G = E/(2 (1 + nu))."""
+        return -self.poisson_ratio / (1.0 + self.poisson_ratio)
