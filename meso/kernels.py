@@ -322,3 +322,587 @@ def meetings(wheel, wheel_radii, axle, axle_radii, order, low, high, travel, mar
             spans[count, 1] = middle + half
             count += 1
     return pairs[:count], spans[:count]
+
+
+# --- quasi-static slides: both plates condensed on the spheres that may meet -----------------------------------------
+
+
+@njit(cache=True, fastmath=FAST)
+def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, force, tangent, now):
+    """Force on the wheel sphere (3) of one contact and its tangent -dF/dw (3, 3); returns f_n and the work lost.
+
+    d: wheel to axle centre; r = r_i t_i + r_j t_j; o: displacement of the wheel sphere against the axle's; w is the
+    displacement of the contact point, o + r x n. A pair that was apart begins from where it was: an increment is long
+    beside the slip mu f_n / k_t at which a contact yields. `old` and `now` are histories. Left out of the tangent: the turning
+    of the normal, f_n/|d| against k_n.
+    """
+    reach, kn, kt = law[0] + law[1], law[2], law[3]
+    nx, ny, nz, fn = touch(dx, dy, dz, reach, kn)
+    now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7], now[8] = 0.0, 0.0, 0.0, ox, oy, oz, rx, ry, rz
+    if fn <= 0.0:
+        return 0.0, 0.0
+    tx, ty, tz, lost = 0.0, 0.0, 0.0, 0.0
+    bound = micro_friction * fn
+    if old[0] != np.inf:
+        ax, ay, az = rx - old[6], ry - old[7], rz - old[8]
+        tx, ty, tz, lost = slide(
+            nx, ny, nz, bound, kt, old[0], old[1], old[2],
+            ox - old[3] + ay * nz - az * ny, oy - old[4] + az * nx - ax * nz, oz - old[5] + ax * ny - ay * nx,
+        )  # fmt: skip
+    now[0], now[1], now[2] = tx, ty, tz
+    force[0], force[1], force[2] = tx - fn * nx, ty - fn * ny, tz - fn * nz
+    n = (nx, ny, nz)
+    t = (tx, ty, tz)
+    slips = lost > 0.0 or old[0] == np.inf
+    for a in range(3):
+        for b in range(3):
+            tangent[a, b] = kn * n[a] * n[b]
+            if not slips:
+                tangent[a, b] += kt * ((1.0 if a == b else 0.0) - n[a] * n[b])
+            elif bound > 0.0 and lost > 0.0:
+                trial = bound + kt * lost / bound
+                tangent[a, b] -= t[a] * n[b] * kn / fn
+                across = (1.0 if a == b else 0.0) - n[a] * n[b] - t[a] * t[b] / (bound * bound)
+                tangent[a, b] += kt * bound / trial * across
+    return fn, lost
+
+
+@njit(cache=True, fastmath=FAST)
+def displacements(nodes, compliance, sources, wrench, u):
+    """u (n, 6) at the given nodes: sum over the sources of compliance[node, source] wrench[source]."""
+    for a in range(len(nodes)):
+        i = 6 * nodes[a]
+        t0, t1, t2, t3, t4, t5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(len(sources)):
+            column = compliance[6 * sources[b] : 6 * sources[b] + 6, i : i + 6]  # symmetric: read along rows
+            for k in range(6):
+                w = wrench[b, k]
+                t0 += column[k, 0] * w
+                t1 += column[k, 1] * w
+                t2 += column[k, 2] * w
+                t3 += column[k, 3] * w
+                t4 += column[k, 4] * w
+                t5 += column[k, 5] * w
+        node = u[nodes[a]]
+        node[0], node[1], node[2], node[3], node[4], node[5] = t0, t1, t2, t3, t4, t5
+
+
+@njit(cache=True, fastmath=FAST)
+def coupling(one, other, arm, other_arm, compliance, block):
+    """Add to block (3, 3) the displacement of a contact point on sphere `one` by a unit force at that on `other`.
+
+    The arms (3) are radius times normal: the contact point moves by u + t x arm, a force F turns by arm x F.
+    """
+    i, j = 6 * one, 6 * other
+    for b in range(3):
+        c, d = (b + 1) % 3, (b + 2) % 3
+        # a unit force along b: moment arm x e_b has components arm_d along c and -arm_c along d
+        col0, colc, cold = j + b, j + 3 + c, j + 3 + d
+        mc, md = other_arm[d], -other_arm[c]
+        s0 = compliance[i, col0] + mc * compliance[i, colc] + md * compliance[i, cold]
+        s1 = compliance[i + 1, col0] + mc * compliance[i + 1, colc] + md * compliance[i + 1, cold]
+        s2 = compliance[i + 2, col0] + mc * compliance[i + 2, colc] + md * compliance[i + 2, cold]
+        t0 = compliance[i + 3, col0] + mc * compliance[i + 3, colc] + md * compliance[i + 3, cold]
+        t1 = compliance[i + 4, col0] + mc * compliance[i + 4, colc] + md * compliance[i + 4, cold]
+        t2 = compliance[i + 5, col0] + mc * compliance[i + 5, colc] + md * compliance[i + 5, cold]
+        block[0, b] += s0 + t1 * arm[2] - t2 * arm[1]
+        block[1, b] += s1 + t2 * arm[0] - t0 * arm[2]
+        block[2, b] += s2 + t0 * arm[1] - t1 * arm[0]
+
+
+@njit(cache=True, fastmath=FAST)
+def load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua):
+    """Displacements uw, ua (n, 6) of the nodes of the near encounters under `forces` (p, 3); the elastic energy."""
+    loaded = np.empty(len(near), np.int64)
+    count = 0
+    for q in range(len(near)):
+        p = near[q]
+        if forces[p, 0] != 0.0 or forces[p, 1] != 0.0 or forces[p, 2] != 0.0:
+            loaded[count] = p
+            count += 1
+    loaded = loaded[:count]
+    wrench_w, wrench_a = np.empty((count, 6)), np.empty((count, 6))
+    for k in range(count):
+        p = loaded[k]
+        f, n = forces[p], normal[p]
+        moment = (n[1] * f[2] - n[2] * f[1], n[2] * f[0] - n[0] * f[2], n[0] * f[1] - n[1] * f[0])
+        for a in range(3):
+            wrench_w[k, a], wrench_a[k, a] = f[a], -f[a]
+            wrench_w[k, 3 + a], wrench_a[k, 3 + a] = law[p, 0] * moment[a], law[p, 1] * moment[a]
+    displacements(np.unique(pair[near, 0]), wheel, pair[loaded, 0], wrench_w, uw)
+    displacements(np.unique(pair[near, 1]), axle, pair[loaded, 1], wrench_a, ua)
+    energy = 0.0
+    for k in range(count):
+        for a in range(6):
+            energy += 0.5 * (wrench_w[k, a] * uw[pair[loaded[k], 0], a] + wrench_a[k, a] * ua[pair[loaded[k], 1], a])
+    return energy
+
+
+@njit(cache=True, fastmath=FAST)
+def newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step):
+    """Solve (1 - dlaw/dw W) step = law - forces over the touching encounters; returns the step in height.
+
+    W couples the contact points through both plates. With target > 0 the height is an unknown, and the sum of the
+    vertical forces an equation.
+    """
+    m = len(touching)
+    extra = 1 if target > 0.0 else 0
+    W = np.empty((3 * m, 3 * m))
+    block = np.empty((3, 3))
+    arms = np.empty((m, 2, 3))
+    for a in range(m):
+        p = touching[a]
+        for c in range(3):
+            arms[a, 0, c], arms[a, 1, c] = law[p, 0] * normal[p, c], -law[p, 1] * normal[p, c]
+    for a in range(m):
+        i, j = pair[touching[a]]
+        for b in range(a, m):
+            k, n = pair[touching[b]]
+            block[:] = 0.0
+            coupling(i, k, arms[a, 0], arms[b, 0], wheel, block)
+            coupling(j, n, arms[a, 1], arms[b, 1], axle, block)
+            for c in range(3):
+                for d in range(3):
+                    W[3 * a + c, 3 * b + d] = block[c, d]
+                    W[3 * b + d, 3 * a + c] = block[c, d]
+    J = np.zeros((3 * m + extra, 3 * m + extra))
+    R = np.empty(3 * m + extra)
+    total = 0.0
+    for a in range(m):
+        p = touching[a]
+        total += forces[p, 2]
+        for c in range(3):
+            row = J[3 * a + c]
+            for d in range(3):
+                value = tangent[p, c, d]
+                if value != 0.0:
+                    source = W[3 * a + d]
+                    for e in range(3 * m):
+                        row[e] += value * source[e]
+            row[3 * a + c] += 1.0
+            R[3 * a + c] = answer[p, c] - forces[p, c]
+            if extra:
+                row[3 * m] = tangent[p, c, 2]
+    if extra:
+        for a in range(m):
+            J[3 * m, 3 * a + 2] = 1.0
+        R[3 * m] = target - total
+    change = np.linalg.solve(J, R)
+    for a in range(m):
+        for c in range(3):
+            step[touching[a], c] = change[3 * a + c]
+    return change[3 * m] if extra else 0.0
+
+
+@njit(cache=True, fastmath=FAST)
+def settle(
+    wheel, axle, live, pair, apart, law, history, forces, micro_friction, drive, target,
+    iterations, tolerance, close, trial, normal, sums,
+):  # fmt: skip
+    """One increment: forces (p, 3) of the live encounters in equilibrium with both plates at `drive` (3).
+
+    wheel, axle: compliances (6 n, 6 n) in the nodes that `pair` numbers. Newton on R(F) = F - law(w(F)), the step
+    halved while the residual grows; with target > 0 [N] the height drive[2] is an unknown too. Encounters that are
+    farther apart than `close` [mm] after the first evaluation are left out of the others. The history moves on into
+    `trial`; `normal` (p, 3) are those the forces act along.
+    Returns iterations used, residual (largest |R|, or turn of a normal times the force, over the largest contact
+    force) and the farthest two spheres came towards each other by elastic displacements alone [mm]; sums (6,): force
+    on the wheel, work lost [N mm], elastic energy of the plates and of the contacts [N mm].
+    """
+    uw, ua = np.zeros((len(wheel) // 6, 6)), np.zeros((len(axle) // 6, 6))
+    answer, step = np.zeros(forces.shape), np.zeros(forces.shape)
+    tangent = np.zeros((len(pair), 3, 3))
+    turned = np.empty(3)
+    height, height_step = drive[2], 0.0
+    damped, previous, residual, largest, closing = False, np.inf, 0.0, 0.0, 0.0
+    for p in live:
+        between = apart[p] - drive
+        if normal[p, 0] == 0.0 and normal[p, 1] == 0.0 and normal[p, 2] == 0.0:
+            normal[p] = between / np.sqrt(np.sum(between * between))
+    near = live
+    iteration = 0
+    while True:
+        energy = load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua)
+        residual, largest = 0.0, 0.0
+        sums[:] = 0.0
+        sums[4] = energy
+        touching, following = np.empty(len(near), np.int64), np.empty(len(near), np.int64)
+        touch_count, near_count = 0, 0
+        for q in range(len(near)):
+            p = near[q]
+            i, j = pair[p, 0], pair[p, 1]
+            ri, rj = law[p, 0], law[p, 1]
+            ox, oy, oz = drive[0] + uw[i, 0] - ua[j, 0], drive[1] + uw[i, 1] - ua[j, 1], height + uw[i, 2] - ua[j, 2]
+            dx, dy, dz = apart[p, 0] - ox, apart[p, 1] - oy, apart[p, 2] - oz
+            tangent[p] = 0.0
+            answer[p] = 0.0
+            fn, lost = contact_law(
+                dx, dy, dz, ri * uw[i, 3] + rj * ua[j, 3], ri * uw[i, 4] + rj * ua[j, 4], ri * uw[i, 5] + rj * ua[j, 5],
+                ox, oy, oz, law[p], history[p], micro_friction, answer[p], tangent[p], trial[p],
+            )  # fmt: skip
+            size = np.sqrt(dx * dx + dy * dy + dz * dz)
+            turned[0], turned[1], turned[2] = dx / size, dy / size, dz / size
+            toward = (
+                (ox - drive[0]) * turned[0] + (oy - drive[1]) * turned[1] + (oz - height) * turned[2]
+            )
+            closing = max(closing, toward)
+            pulled = forces[p, 0] != 0.0 or forces[p, 1] != 0.0 or forces[p, 2] != 0.0
+            if pulled or fn > 0.0:
+                touching[touch_count] = p
+                touch_count += 1
+                for a in range(3):
+                    residual = max(residual, abs(answer[p, a] - forces[p, a]))
+                    residual = max(residual, abs(turned[a] - normal[p, a]) * fn)
+                    sums[a] += answer[p, a]
+            normal[p] = turned
+            if pulled or size < ri + rj + close:
+                following[near_count] = p
+                near_count += 1
+            if fn > 0.0:
+                largest = max(largest, fn)
+                square = trial[p, 0] ** 2 + trial[p, 1] ** 2 + trial[p, 2] ** 2
+                sums[3] += lost
+                sums[5] += 0.5 * fn * fn / law[p, 2] + 0.5 * square / law[p, 3]
+        if target > 0.0:
+            residual = max(residual, abs(target - sums[2]))
+        if residual <= tolerance * largest or touch_count == 0 or iteration == iterations:
+            break
+        iteration += 1
+        near = following[:near_count]
+        if residual > previous and iteration > 3 and not damped:  # went too far: take back half of the last step
+            damped = True
+            for p in near:
+                for a in range(3):
+                    step[p, a] *= 0.5
+                    forces[p, a] -= step[p, a]
+            height_step *= 0.5
+            height -= height_step
+            continue
+        damped, previous = False, residual
+        touching = touching[:touch_count]
+        step[near] = 0.0
+        height_step = newton_step(
+            wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step
+        )
+        height += height_step
+        for p in touching:
+            for a in range(3):
+                forces[p, a] += step[p, a]
+    for p in live:
+        forces[p] = answer[p]
+    drive[2] = height
+    return iteration, residual / max(largest, 1e-300), closing
+
+
+# --- large rotations and breakage: the co-rotational lattice ---------------------------------------------------------
+#
+# Arrays of this section
+# q       : (n, 4)      unit quaternion (w, x, y, z) of each sphere; u[:, 3:] is then the time integral of its angular
+#                       velocity, whose increments are what a contact needs
+# mode    : (bonds,)    0 whole, 1 broken by tension and bending, 2 broken by shear and torsion
+# section : (bonds, 4)  1/S [1/mm2], r/I [1/mm3], tensile and shear strength [MPa]
+# grip    : (n,)        0 free, otherwise the number of the grip that moves the sphere at the velocity it has
+# near_*                pairs of loose spheres (they have lost a beam) and what is near them, in the layout of the
+#                       encounters; the first `within` of them lie in one plate, the rest join wheel to axle
+
+
+@njit(cache=True, fastmath=FAST)
+def turned(q, x, y, z):
+    """The vector (x, y, z) turned by a unit quaternion: e + 2 w (v x e) + 2 v x (v x e)."""
+    cx, cy, cz = 2.0 * (q[2] * z - q[3] * y), 2.0 * (q[3] * x - q[1] * z), 2.0 * (q[1] * y - q[2] * x)
+    return (
+        x + q[0] * cx + q[2] * cz - q[3] * cy,
+        y + q[0] * cy + q[3] * cx - q[1] * cz,
+        z + q[0] * cz + q[1] * cy - q[2] * cx,
+    )
+
+
+@njit(cache=True, fastmath=FAST)
+def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
+    """The beam at any rotation: the gradient of an energy that no rigid motion changes, so its moments balance.
+
+    X is the unit vector from i to j now, L their distance, a_k the rest axis e as sphere k has carried it, Q = (w, v)
+    the quaternion q_j q_i* (w >= 0). With s = a_i + a_j, P = X x s (the sum of the angles X x a_k that the ends make
+    with the chord) and the twist p = 2 v.X, in b = EI/l and g = G I_o/l:
+
+        U   = EA/(2 l) (L - l)^2 + b/2 |a_j - a_i|^2 + 3 b/2 |P|^2 + g/2 p^2
+        F_i = EA/l (L - l) X + 3 b (X.s)/L X x P + 2 g p/L (v - (v.X) X)                          = -F_j
+        T_i = -2 b a_i x a_j - 3 b (X.s) X x a_i + g p (w X - v x X)
+        T_j =  2 b a_i x a_j - 3 b (X.s) X x a_j - g p (w X + v x X)
+
+    T_i + T_j + L X x F_j = 0. For small rotations it is `beam`; the angles appear by their sines (2 sin(p/2) for the
+    twist), never by acos, and elongations below the rounding of L are kept.
+    After Andre et al. 2012 and Bauchau's frame-free notation; the choice of |a_j - a_i|^2 is ours.
+
+    Returns X (3), normal force EA/l (L - l), shear force on i (3), T_i (3), T_j (3) and what breaks the beam: square
+    of the larger bending moment, torsion moment; at last U.
+    """
+    length = 1.0 / per_length
+    dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
+    x, y, z = length * ex + dx, length * ey + dy, length * ez + dz
+    distance = np.sqrt(x * x + y * y + z * z)
+    longer = (2.0 * length * (dx * ex + dy * ey + dz * ez) + dx * dx + dy * dy + dz * dz) / (distance + length)
+    x, y, z = x / distance, y / distance, z / distance
+    ix, iy, iz = turned(qi, ex, ey, ez)
+    jx, jy, jz = turned(qj, ex, ey, ez)
+    cx, cy, cz = iy * jz - iz * jy, iz * jx - ix * jz, ix * jy - iy * jx
+    gx, gy, gz = y * iz - z * iy, z * ix - x * iz, x * iy - y * ix
+    hx, hy, hz = y * jz - z * jy, z * jx - x * jz, x * jy - y * jx
+    px, py, pz = gx + hx, gy + hy, gz + hz
+    pull = 3.0 * bending * (x * (ix + jx) + y * (iy + jy) + z * (iz + jz))
+    two = 2.0 * bending
+    ax, ay, az = -two * cx - pull * gx, -two * cy - pull * gy, -two * cz - pull * gz
+    bx, by, bz = two * cx - pull * hx, two * cy - pull * hy, two * cz - pull * hz
+    moment = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz)
+    w = qj[0] * qi[0] + qj[1] * qi[1] + qj[2] * qi[2] + qj[3] * qi[3]
+    vx = qi[0] * qj[1] - qj[0] * qi[1] - (qj[2] * qi[3] - qj[3] * qi[2])
+    vy = qi[0] * qj[2] - qj[0] * qi[2] - (qj[3] * qi[1] - qj[1] * qi[3])
+    vz = qi[0] * qj[3] - qj[0] * qi[3] - (qj[1] * qi[2] - qj[2] * qi[1])
+    if w < 0.0:
+        w, vx, vy, vz = -w, -vx, -vy, -vz
+    half = vx * x + vy * y + vz * z
+    torsion = 2.0 * bending * (1.0 + twist) * half
+    mx, my, mz = vy * z - vz * y, vz * x - vx * z, vx * y - vy * x
+    ax, ay, az = ax + torsion * (w * x - mx), ay + torsion * (w * y - my), az + torsion * (w * z - mz)
+    bx, by, bz = bx - torsion * (w * x + mx), by - torsion * (w * y + my), bz - torsion * (w * z + mz)
+    pull, two = pull / distance, 2.0 * torsion / distance
+    sx = pull * (y * pz - z * py) + two * (vx - half * x)
+    sy = pull * (z * px - x * pz) + two * (vy - half * y)
+    sz = pull * (x * py - y * px) + two * (vz - half * z)
+    bent = (jx - ix) ** 2 + (jy - iy) ** 2 + (jz - iz) ** 2 + 3.0 * (px * px + py * py + pz * pz)
+    energy = 0.5 * (axial * longer * longer + bending * bent) + torsion * half
+    return x, y, z, axial * longer, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy
+
+
+@njit(cache=True, fastmath=FAST)
+def worn(normal, shear_square, moment_square, torsion, section):
+    """Stresses of a beam over its strengths (2): (N/S + r M_b/I)/tensile and (4/3 V/S + r |M_t|/I_o)/shear [-].
+
+    4/3 V/S is the shear stress of a round section on its neutral axis; I_o = 2 I.
+    """
+    tensile = section[0] * normal + section[1] * np.sqrt(moment_square)
+    shear = 4.0 / 3.0 * section[0] * np.sqrt(shear_square) + 0.5 * section[1] * abs(torsion)
+    return tensile / section[2], shear / section[3]
+
+
+@njit(cache=True, fastmath=FAST)
+def move_large(
+    u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
+    reaction, broken, released, sums,
+):  # fmt: skip
+    """As `move`, co-rotational: beams that reach their strength break; returns how many did.
+
+    Quaternions turn by q+ = (1, dt w/2) q, normalised: the Cayley form of the rotation, exact to third order.
+    In the step in which a beam breaks half its force acts, the trapezoid of a force that falls to zero, except for
+    a compression, which the contact takes over whole; so the account of energy stays exact to second order.
+    broken, released: numbers of the beams and the energy each gave up [N mm]. reaction (grips, 6): the forces and
+    moments that the grips exert are added. sums (6,) receives sum of m v-.v+ [N mm], work lost in damping in the half
+    step before and after, work of the grips in each half step [N mm], elastic energy, the fastest sphere [mm/s].
+    """
+    anchor_forces(u, f, anchored, anchors)
+    keep = (1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt)
+    push = dt / (1.0 + 0.5 * damping * dt)
+    kinetic, before, after, work, elastic, fastest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    count = 0
+    for i in range(len(rows) - 1):
+        ui, qi = u[i], q[i]
+        f0, f1, f2, f3, f4, f5 = f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5]
+        for k in range(rows[i], rows[i + 1]):
+            if mode[k] != 0:
+                continue
+            j = cols[k]
+            b = beams[k]
+            x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
+                b[0], b[1], b[2], b[3], b[4], b[5], twist, ui, u[j], qi, q[j]
+            )
+            s = section[k]
+            square = sx * sx + sy * sy + sz * sz
+            room = s[2] - s[0] * normal
+            left = s[3] - 0.5 * s[1] * abs(torsion)
+            if (
+                room <= 0.0 or left <= 0.0 or s[1] * s[1] * moment > room * room
+                or 16.0 / 9.0 * s[0] * s[0] * square > left * left
+            ):  # fmt: skip
+                tensile, shear = worn(normal, square, moment, torsion, s)
+                mode[k] = 1 if tensile >= shear else 2
+                kept = min(normal, 0.0)
+                broken[count] = k
+                released[count] = energy - 0.5 * kept * kept / b[4]
+                energy = 0.0
+                count += 1
+                normal = 0.5 * (normal + kept)
+                sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
+                ax, ay, az = 0.5 * ax, 0.5 * ay, 0.5 * az
+                bx, by, bz = 0.5 * bx, 0.5 * by, 0.5 * bz
+            elastic += energy
+            fx, fy, fz = normal * x + sx, normal * y + sy, normal * z + sz
+            f0 += fx
+            f1 += fy
+            f2 += fz
+            f3 += ax
+            f4 += ay
+            f5 += az
+            f[j, 0] -= fx
+            f[j, 1] -= fy
+            f[j, 2] -= fz
+            f[j, 3] += bx
+            f[j, 4] += by
+            f[j, 5] += bz
+        w0, w1, w2, w3, w4, w5 = v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5]
+        v0, v1, v2, v3, v4, v5 = w0, w1, w2, w3, w4, w5
+        if grip[i] == 0:
+            per_mass, per_inertia = push * inverse[i, 0], push * inverse[i, 1]
+            v0, v1, v2 = keep * w0 + per_mass * f0, keep * w1 + per_mass * f1, keep * w2 + per_mass * f2
+            v3, v4, v5 = keep * w3 + per_inertia * f3, keep * w4 + per_inertia * f4, keep * w5 + per_inertia * f5
+            v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = v0, v1, v2, v3, v4, v5
+            m, inertia = 1.0 / inverse[i, 0], 1.0 / inverse[i, 1]
+            old = m * (w0 * w0 + w1 * w1 + w2 * w2) + inertia * (w3 * w3 + w4 * w4 + w5 * w5)
+            new = m * (v0 * v0 + v1 * v1 + v2 * v2) + inertia * (v3 * v3 + v4 * v4 + v5 * v5)
+            mixed = m * (w0 * v0 + w1 * v1 + w2 * v2) + inertia * (w3 * v3 + w4 * v4 + w5 * v5)
+            kinetic += mixed
+            before += old + mixed
+            after += new + mixed
+        else:
+            r = reaction[grip[i] - 1]
+            r[0] -= f0
+            r[1] -= f1
+            r[2] -= f2
+            r[3] -= f3
+            r[4] -= f4
+            r[5] -= f5
+            work -= f0 * v0 + f1 * v1 + f2 * v2 + f3 * v3 + f4 * v4 + f5 * v5
+        fastest = max(fastest, v0 * v0 + v1 * v1 + v2 * v2)
+        u[i, 0] += dt * v0
+        u[i, 1] += dt * v1
+        u[i, 2] += dt * v2
+        u[i, 3] += dt * v3
+        u[i, 4] += dt * v4
+        u[i, 5] += dt * v5
+        half = 0.5 * dt
+        x, y, z, q0, q1, q2, q3 = half * v3, half * v4, half * v5, qi[0], qi[1], qi[2], qi[3]
+        p0 = q0 - x * q1 - y * q2 - z * q3
+        p1 = q1 + x * q0 + y * q3 - z * q2
+        p2 = q2 + y * q0 + z * q1 - x * q3
+        p3 = q3 + z * q0 + x * q2 - y * q1
+        scale = 1.0 / np.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
+        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = scale * p0, scale * p1, scale * p2, scale * p3
+        f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    sums[0], sums[1], sums[2] = kinetic, 0.25 * dt * damping * before, 0.25 * dt * damping * after
+    sums[3], sums[4], sums[5] = 0.5 * dt * work, elastic, np.sqrt(fastest)
+    return count
+
+
+@njit(cache=True, fastmath=FAST)
+def contact_energy(u, live, pair, apart, law, history, ox, oy, oz):
+    """Elastic energy f_n^2/(2 k_n) + f_t^2/(2 k_t) of the live encounters after `contact_forces` [N mm]."""
+    total = 0.0
+    for s in range(len(live)):
+        p = live[s]
+        if history[p, 0] == np.inf:
+            continue
+        i, j = pair[p, 0], pair[p, 1]
+        x = apart[p, 0] - ox - u[i, 0] + u[j, 0]
+        y = apart[p, 1] - oy - u[i, 1] + u[j, 1]
+        z = apart[p, 2] - oz - u[i, 2] + u[j, 2]
+        fn = touch(x, y, z, law[p, 0] + law[p, 1], law[p, 2])[3]
+        square = history[p, 0] ** 2 + history[p, 1] ** 2 + history[p, 2] ** 2
+        total += 0.5 * fn * fn / law[p, 2] + 0.5 * square / law[p, 3]
+    return total
+
+
+@njit(cache=True, fastmath=FAST)
+def anchor_energy(u, anchored, anchors):
+    """Elastic energy of the external faces [N mm]."""
+    total = 0.0
+    for a in range(len(anchored)):
+        w, s = u[anchored[a]], anchors[a]
+        total += s[0] * w[2] * w[2] + s[1] * (w[0] * w[0] + w[1] * w[1]) + 2.0 * s[2] * (w[0] * w[4] - w[1] * w[3])
+        total += s[3] * (w[3] * w[3] + w[4] * w[4]) + s[4] * w[5] * w[5]
+    return 0.5 * total
+
+
+@njit(cache=True, fastmath=FAST)
+def march_large(
+    u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
+    first, last, pair, apart, law, history, micro_friction, window, live,
+    loose, near_pair, near_apart, near_law, near_history, near_live, within, room,
+    drive, speed, target, compliance, steps, reaction, broken, released, carry, total,
+):  # fmt: skip
+    """As `march`, co-rotational and with breakage.
+
+    Returns the steps done, the number of beams that broke in the last of them and what is left of `room` [mm]. It
+    stops early after a step in which a beam broke, and when two spheres may have come closer by `room`, so that the
+    caller can renew the pairs near loose spheres. Encounters of loose spheres are left to those pairs.
+    total (10,): as in `march`, with the grips' work in that of the drive and the sum of m v-.v+ as twice the kinetic
+    energy; then, after the last step, the elastic energy of beams and faces and that of contacts, and the sum of the
+    energy released [N mm]. carry (6,): force on the wheel in the last step (3), the rise of the drive since, and what
+    damping took and the grips gave in the half step since: the works are trapezoids, the account is of second order.
+    """
+    sums = np.zeros(4)
+    moved = np.zeros(6)
+    done, count, faces = 0, 0, 0.0
+    while done < steps and count == 0 and room > 0.0:
+        done += 1
+        drive[0] += dt * speed[0]
+        drive[1] += dt * speed[1]
+        drive[2] += dt * speed[2]
+        while window[0] < len(first) and first[window[0]] <= drive[0]:
+            live[window[1]] = window[0]
+            window[0] += 1
+            window[1] += 1
+        a = 0
+        while a < window[1]:
+            p = live[a]
+            if last[p] < drive[0] or loose[pair[p, 0]] or loose[pair[p, 1]]:
+                window[1] -= 1
+                live[a] = live[window[1]]
+            else:
+                a += 1
+        sums[:] = 0.0
+        contact_forces(
+            u, f, near_live[:within], near_pair, near_apart, near_law, near_history, micro_friction, 0.0, 0.0, 0.0, sums
+        )
+        sums[0], sums[1], sums[2] = 0.0, 0.0, 0.0
+        contact_forces(
+            u, f, near_live[within:], near_pair, near_apart, near_law, near_history, micro_friction,
+            drive[0], drive[1], drive[2], sums,
+        )  # fmt: skip
+        contact_forces(
+            u, f, live[: window[1]], pair, apart, law, history, micro_friction, drive[0], drive[1], drive[2], sums
+        )
+        if done == steps:
+            faces = anchor_energy(u, anchored, anchors)
+            total[8] = (
+                contact_energy(u, near_live[:within], near_pair, near_apart, near_law, near_history, 0.0, 0.0, 0.0)
+                + contact_energy(
+                    u, near_live[within:], near_pair, near_apart, near_law, near_history, drive[0], drive[1], drive[2]
+                )
+                + contact_energy(u, live[: window[1]], pair, apart, law, history, drive[0], drive[1], drive[2])
+            )
+        total[5] += carry[5] - 0.5 * (
+            (carry[0] + sums[0]) * dt * speed[0]
+            + (carry[1] + sums[1]) * dt * speed[1]
+            + (carry[2] + sums[2]) * (dt * speed[2] + carry[3])
+        )
+        carry[0], carry[1], carry[2], carry[3] = sums[0], sums[1], sums[2], 0.0
+        if target > 0.0:
+            carry[3] = dt * compliance * (sums[2] - target)
+            drive[2] += carry[3]
+        total[0] += sums[0]
+        total[1] += sums[1]
+        total[2] += sums[2]
+        total[3] += sums[3]
+        count = move_large(
+            u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
+            reaction, broken, released, moved,
+        )  # fmt: skip
+        total[4] += carry[4] + moved[1]
+        total[5] += moved[3]
+        carry[4], carry[5] = moved[2], moved[3]
+        total[6] = moved[0]
+        for k in range(count):
+            total[9] += released[k]
+        path = abs(speed[0]) + abs(speed[1]) + abs(speed[2])
+        room -= dt * (2.0 * moved[5] + path) + abs(carry[3])
+    total[7] = faces + moved[4]
+    return done, count, room

@@ -55,7 +55,8 @@ def test_tilt_and_unit_do_not_matter() -> None:
 
 def test_slope_is_that_of_the_triangles() -> None:
     """Sdq^2 is the mean of |grad h|^2 over the triangles, gradients from their normals."""
-    rough = diamond_square(generator("test", 2), levels=3, max_height=0.3, size=(2.0, 1.0)).levelled()
+    fractal = diamond_square(generator("test", 2), levels=3, max_height=0.3, size=(2.0, 1.0))
+    rough = Surface(fractal.heights, (2.0, 0.7)).levelled()  # dx and dy differ
     dx, dy = rough.spacing
     squares = []
     for i in range(rough.shape[0] - 1):

@@ -214,10 +214,10 @@ def test_level() -> None:
 
 def test_heights_cannot_change() -> None:
     heights = np.zeros((3, 4))
-    surface = Surface(heights.T, (1.0, 2.0))
+    surface = Surface(heights, (1.0, 2.0))
     heights[0, 0] = 1.0
     assert surface.heights.max() == 0.0
-    assert surface.heights.flags.c_contiguous
+    assert Surface(heights.T, (1.0, 2.0)).heights.flags.c_contiguous
     with pytest.raises(ValueError, match="read-only"):
         surface.heights[0, 0] = 1.0
 

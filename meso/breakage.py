@@ -1,0 +1,328 @@
+"""Plates and bars whose beams can break: cracks that start and grow, pieces that turn, touch and fly.
+
+The lattice is co-rotational (`kernels.beam_large`). In every step each beam of radius r, S = pi r^2, I = pi r^4/4,
+I_o = 2 I breaks where
+
+    N/S + r |M_b|/I > tensile strength     (tension and bending, at the end that is bent more)
+    4/3 V/S + r |M_t|/I_o > shear strength (shear and torsion, on the neutral axis)
+
+with N > 0 in tension. The strengths are those of the beams, not of the solid: a lattice of E_M = 210 GPa has beams
+of E_mu = 5 TPa or so, whose stresses are larger by about as much, and unequal. `tension.first_break` tells by how much
+in any static state; a force at failure is found by pulling a bar (`tension.pull`) and scales with the strengths.
+
+A sphere that has lost a beam is loose: it pushes on whatever comes near it, by the contact law of the sliding plates.
+The two ends of a broken beam touch where they come closer than its length, with its stiffness EA/l, so a
+compression goes on without a jump; two others that overlap without ever having touched do so from where they are.
+Left out: damage before the break, rate effects, and the rolling and twisting of spheres against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigsh
+from scipy.spatial import cKDTree
+
+from . import kernels
+from .encounters import Encounters
+from .errors import SettingsError, StabilityError
+from .lattice import Lattice
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
+
+TENSION, SHEAR = 1, 2
+"""Modes in which a beam breaks."""
+SKIN = 0.2
+"""Reach of the pairs near loose spheres beyond contact, in mean radii [-]."""
+STEP = 0.8
+"""Default step over the critical one of the beams [-]: leaves room for contacts."""
+
+
+class Breakage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Strengths of the beams; infinite unless given.
+
+    Raises:
+        SettingsError: a strength that is not positive.
+    """
+
+    tensile_strength: float = np.inf
+    """Of a beam in tension and bending [MPa]."""
+    shear_strength: float = np.inf
+    """Of a beam in shear and torsion [MPa]."""
+
+    def __post_init__(self) -> None:
+        if not (self.tensile_strength > 0.0 and self.shear_strength > 0.0):
+            raise SettingsError("breakage: tensile_strength and shear_strength [MPa] must be > 0")
+
+
+@dataclass(frozen=True)
+class Breaks:
+    """What broke, in time."""
+
+    time: FloatArray
+    """Shape (k,) [s]."""
+    bond: IntArray
+    """Number of the beam, shape (k,)."""
+    mode: IntArray
+    """TENSION or SHEAR, shape (k,)."""
+    ends: IntArray
+    """Spheres, shape (k, 2)."""
+    place: FloatArray
+    """Middle of the beam before any motion, shape (k, 3) [mm]."""
+    released: FloatArray
+    """Energy it gave up, shape (k,) [N mm]."""
+
+
+@dataclass(frozen=True)
+class Account:
+    """Means and works over some steps, and the energies at their end: work = d(stored) + losses + released."""
+
+    force: FloatArray
+    """Mean force on the wheel, shape (3,) [N]."""
+    grips: FloatArray
+    """Mean force and sum of the moments that each grip exerts, shape (grips, 6) [N, N mm]."""
+    work: float
+    """Done by the drive and the grips [N mm]."""
+    friction: float
+    """Lost in the contacts [N mm]."""
+    damping: float
+    """Lost in damping [N mm]."""
+    released: float
+    """By the beams that broke [N mm]."""
+    kinetic: float
+    """sum of m v-.v+ / 2 with the velocities half a step before and after: exact where the forces are linear [N mm]."""
+    elastic: float
+    """Of the beams and external faces [N mm]."""
+    contact: float
+    """Of the contacts [N mm]."""
+
+    @property
+    def stored(self) -> float:
+        """Kinetic, elastic and contact energy [N mm]."""
+        return self.kinetic + self.elastic + self.contact
+
+    @property
+    def lost(self) -> float:
+        """By friction, damping and breaks [N mm]."""
+        return self.friction + self.damping + self.released
+
+
+@dataclass
+class _Near:
+    """Pairs of loose spheres and what is near them, in the layout of `Encounters`; the first `within` in one plate."""
+
+    pair: IntArray = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    apart: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    law: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    history: FloatArray = field(default_factory=lambda: np.empty((0, 9)))
+    within: int = 0
+
+
+class Breaking:
+    """An explicit run of a lattice whose beams may break.
+
+    Args:
+        lattice: One plate or bar, or the two plates joined, the wheel's nodes first.
+        breakage: Strengths; those of single beams may be changed in `section[:, 2:]` [MPa] before the run.
+        contact_modulus: k_n = contact_modulus (r_i + r_j)/2 where loose spheres meet [MPa]: normal_stiffness E_M.
+        tangential_ratio: k_t/k_n of loose spheres [-].
+        micro_friction: Coefficient of every contact [-].
+        encounters: Of the two faces, as long as neither sphere is loose.
+        wheel_nodes: How many nodes are the wheel's; the drive carries them.
+        grip: Shape (n,): 0 free, or the number of the grip that moves the sphere at its velocity v.
+        dt: Time step [s]; by default 0.8 of the beams' critical step.
+    """
+
+    def __init__(
+        self,
+        lattice: Lattice,
+        breakage: Breakage,
+        *,
+        contact_modulus: float,
+        tangential_ratio: float = 2.0 / 7.0,
+        micro_friction: float = 0.0,
+        encounters: Encounters | None = None,
+        wheel_nodes: int = 0,
+        grip: IntArray | None = None,
+        dt: float | None = None,
+    ) -> None:
+        n, bonds = lattice.nodes, len(lattice.cols)
+        self.lattice, self.wheel_nodes, self.micro_friction = lattice, wheel_nodes, micro_friction
+        self.contact_modulus, self.tangential_ratio = contact_modulus, tangential_ratio
+        self.dt = STEP * critical_step(lattice) if dt is None else dt
+        self.u, self.v, self.f = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
+        self.q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        self.grip = np.zeros(n, np.int64) if grip is None else grip.astype(np.int64)
+        self.mode = np.zeros(bonds, np.int64)
+        self.section = np.empty((bonds, 4))
+        self.section[:, :2] = sections(lattice)
+        self.section[:, 2:] = breakage.tensile_strength, breakage.shear_strength
+        self.loose = np.zeros(n, np.bool_)
+        self.drive = np.zeros(3)
+        self.steps = 0
+        none = np.empty(0)
+        self.encounters = encounters or Encounters(
+            np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), none, none
+        )
+        self.history = self.encounters.at_rest()
+        self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
+        self._near, self._room, self._carry = _Near(), np.inf, np.zeros(6)
+        self._key = lattice.first * n + lattice.cols
+        self._by_key = np.argsort(self._key, kind="stable")
+        self._broken, self._released = np.empty(bonds, np.int64), np.empty(bonds)
+        self._log: list[tuple[float, IntArray, FloatArray]] = []
+
+    @property
+    def time(self) -> float:
+        """Since the start [s]."""
+        return self.steps * self.dt
+
+    @property
+    def positions(self) -> FloatArray:
+        """Of the centres now, shape (n, 3) [mm]."""
+        x: FloatArray = self.lattice.centres + self.u[:, :3]
+        x[: self.wheel_nodes] += self.drive
+        return x
+
+    @property
+    def breaks(self) -> Breaks:
+        """Every beam broken so far."""
+        bond = np.concatenate([np.empty(0, np.int64), *(number for _, number, _ in self._log)])
+        ends = np.column_stack([self.lattice.first[bond], self.lattice.cols[bond]])
+        return Breaks(
+            time=np.repeat([time for time, _, _ in self._log], [len(number) for _, number, _ in self._log]),
+            bond=bond,
+            mode=self.mode[bond],
+            ends=ends,
+            place=self.lattice.centres[ends].mean(axis=1),
+            released=np.concatenate([np.empty(0), *(energy for _, _, energy in self._log)]),
+        )
+
+    def pieces(self) -> IntArray:
+        """Number of the connected piece each sphere belongs to, the largest first, shape (n,)."""
+        whole, n = self.mode == 0, self.lattice.nodes
+        graph = coo_matrix((np.ones(whole.sum()), (self.lattice.first[whole], self.lattice.cols[whole])), shape=(n, n))
+        count, label = connected_components(graph, directed=False)
+        rank = np.empty(count, np.int64)
+        rank[np.argsort(-np.bincount(label), kind="stable")] = np.arange(count)
+        piece: IntArray = rank[label]
+        return piece
+
+    def advance(
+        self,
+        steps: int,
+        speed: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        damping: float = 0.0,
+        target: float = 0.0,
+        compliance: float = 0.0,
+    ) -> Account:
+        """Take some leapfrog steps while the wheel is carried at `speed` [mm/s]; see `kernels.march`.
+
+        Args:
+            steps: How many, at least one.
+            speed: Of the wheel (3) [mm/s].
+            damping: c of the force -c m v [1/s].
+            target: Normal force to be held [N], or 0 for a prescribed height.
+            compliance: dz/dt = compliance (N - target) [mm/(N s)].
+
+        Raises:
+            StabilityError: the motion is not finite.
+        """
+        lattice, meet = self.lattice, self.encounters
+        total, pace, left = np.zeros(10), np.array(speed, dtype=np.float64), steps
+        reaction = np.zeros((self.grip.max(initial=0), 6))
+        while left > 0:
+            near = self._near
+            done, count, self._room = kernels.march_large(
+                self.u, self.v, self.f, self.q, lattice.rows, lattice.cols, lattice.beams, self.mode, self.section,
+                lattice.anchored, lattice.anchors, lattice.twist, lattice.inverse, self.grip, self.dt, damping,
+                meet.first, meet.last, meet.pair, meet.apart, meet.law, self.history, self.micro_friction,
+                self._window, self._live, self.loose,
+                near.pair, near.apart, near.law, near.history, np.arange(len(near.pair)), near.within, self._room,
+                self.drive, pace, target, compliance, left, reaction, self._broken, self._released, self._carry, total,
+            )  # fmt: skip
+            left -= done
+            self.steps += done
+            if not np.isfinite(total[6]):
+                raise StabilityError(
+                    f"the motion is not finite after {self.steps} steps: take dt below {self.dt:.3g} s"
+                )
+            if count:
+                bond = self._broken[:count].copy()
+                self._log.append((self.time, bond, self._released[:count].copy()))
+                self.loose[lattice.first[bond]] = self.loose[lattice.cols[bond]] = True
+            if count or self._room <= 0.0:
+                self._renew()
+        return Account(
+            force=total[:3] / steps, grips=reaction / steps, work=total[5], friction=total[3], damping=total[4],
+            released=total[9], kinetic=0.5 * total[6], elastic=total[7], contact=total[8],
+        )  # fmt: skip
+
+    def _renew(self) -> None:
+        """List again the pairs near loose spheres; those that were known keep their law and history."""
+        lattice, old, x = self.lattice, self._near, self.positions
+        skin = SKIN * lattice.radii.mean()
+        loose = np.flatnonzero(self.loose)
+        reach = 2.0 * lattice.radii.max() + skin
+        ends = cKDTree(x[loose]).sparse_distance_matrix(cKDTree(x), reach, output_type="coo_matrix")
+        i, j = np.sort([loose[ends.row], ends.col], axis=0)
+        key = np.unique((i * lattice.nodes + j)[i < j])
+        i, j = np.divmod(key, lattice.nodes)
+        radii = np.stack([lattice.radii[i], lattice.radii[j]], axis=1)
+        touching, distance = radii.sum(axis=1), np.linalg.norm(x[j] - x[i], axis=1)
+        place, known = _find(key, self._key[self._by_key])
+        bond = self._by_key[place]
+        keep = (distance < touching + skin) & ~(known & (self.mode[bond] == 0))
+        across = (i < self.wheel_nodes) & (j >= self.wheel_nodes)
+        order = np.concatenate([np.flatnonzero(keep & ~across), np.flatnonzero(keep & across)])
+        key, known, bond, distance = key[order], known[order], bond[order], distance[order]
+        i, j, radii, touching = i[order], j[order], radii[order], touching[order]
+        per_length, axial = lattice.beams[bond, 3], lattice.beams[bond, 4]
+        law = np.empty((len(key), 4))
+        law[:, :2] = radii * (np.where(known, 1.0 / per_length, np.minimum(touching, distance)) / touching)[:, None]
+        law[:, 2] = np.where(known, axial, self.contact_modulus * 0.5 * touching)
+        law[:, 3] = self.tangential_ratio * law[:, 2]
+        history = np.zeros((len(key), 9))
+        history[:, 0] = np.inf
+        live = self._live[: self._window[1]]
+        live = live[self.loose[self.encounters.pair[live]].any(axis=1)]
+        before = np.concatenate([old.pair, self.encounters.pair[live]])
+        if len(before):
+            before_key = before[:, 0] * lattice.nodes + before[:, 1]
+            sort = np.argsort(before_key)
+            place, same = _find(key, before_key[sort])
+            row = sort[place[same]]
+            law[same] = np.concatenate([old.law, self.encounters.law[live]])[row]
+            history[same] = np.concatenate([old.history, self.history[live]])[row]
+        apart = lattice.centres[j] - lattice.centres[i]
+        self._near = _Near(np.stack([i, j], axis=1), apart, law, history, int(np.sum(keep & ~across)))
+        self._room = skin
+
+
+def _find(key: IntArray, sorted_keys: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+    """Where each key stands in a sorted list that is not empty, and whether it does."""
+    place = np.minimum(np.searchsorted(sorted_keys, key), len(sorted_keys) - 1)
+    return place, sorted_keys[place] == key
+
+
+def critical_step(lattice: Lattice) -> float:
+    """2/omega with omega the highest frequency of the beams, by Lanczos' method [s]."""
+    root = np.sqrt(np.repeat(lattice.inverse, 3, axis=1).ravel())
+    scaled = diags(root) @ lattice.stiffness() @ diags(root)
+    square = eigsh(scaled, k=1, which="LA", tol=1e-3, v0=np.ones(len(root)), return_eigenvectors=False)[0]
+    return float(2.0 / np.sqrt(square * 1.002))
+
+
+def sections(lattice: Lattice) -> FloatArray:
+    """1/S [1/mm2] and r/I [1/mm3] of each beam, shape (bonds, 2), from r^2 = 4 (EI/l)/(EA/l)."""
+    radius = 2.0 * np.sqrt(lattice.beams[:, 5] / lattice.beams[:, 4])
+    return np.stack([1.0 / (np.pi * radius**2), 4.0 / (np.pi * radius**3)], axis=1)
