@@ -512,7 +512,7 @@ def settle(
     uw, ua = np.zeros((len(wheel) // 6, 6)), np.zeros((len(axle) // 6, 6))
     answer, step = np.zeros(forces.shape), np.zeros(forces.shape)
     tangent = np.zeros((len(pair), 3, 3))
-    turned = np.empty(3)
+    direction = np.empty(3)
     height, height_step = drive[2], 0.0
     damped, previous, residual, largest, closing = False, np.inf, 0.0, 0.0, 0.0
     for p in live:
@@ -541,10 +541,8 @@ def settle(
                 ox, oy, oz, law[p], history[p], micro_friction, answer[p], tangent[p], trial[p],
             )  # fmt: skip
             size = np.sqrt(dx * dx + dy * dy + dz * dz)
-            turned[0], turned[1], turned[2] = dx / size, dy / size, dz / size
-            toward = (
-                (ox - drive[0]) * turned[0] + (oy - drive[1]) * turned[1] + (oz - height) * turned[2]
-            )
+            direction[0], direction[1], direction[2] = dx / size, dy / size, dz / size
+            toward = (ox - drive[0]) * direction[0] + (oy - drive[1]) * direction[1] + (oz - height) * direction[2]
             closing = max(closing, toward)
             pulled = forces[p, 0] != 0.0 or forces[p, 1] != 0.0 or forces[p, 2] != 0.0
             if pulled or fn > 0.0:
@@ -552,9 +550,9 @@ def settle(
                 touch_count += 1
                 for a in range(3):
                     residual = max(residual, abs(answer[p, a] - forces[p, a]))
-                    residual = max(residual, abs(turned[a] - normal[p, a]) * fn)
+                    residual = max(residual, abs(direction[a] - normal[p, a]) * fn)
                     sums[a] += answer[p, a]
-            normal[p] = turned
+            normal[p] = direction
             if pulled or size < ri + rj + close:
                 following[near_count] = p
                 near_count += 1
@@ -581,9 +579,7 @@ def settle(
         damped, previous = False, residual
         touching = touching[:touch_count]
         step[near] = 0.0
-        height_step = newton_step(
-            wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step
-        )
+        height_step = newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step)
         height += height_step
         for p in touching:
             for a in range(3):
@@ -606,7 +602,7 @@ def settle(
 #                       encounters; the first `within` of them lie in one plate, the rest join wheel to axle
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
 def turned(q, x, y, z):
     """The vector (x, y, z) turned by a unit quaternion: e + 2 w (v x e) + 2 v x (v x e)."""
     cx, cy, cz = 2.0 * (q[2] * z - q[3] * y), 2.0 * (q[3] * x - q[1] * z), 2.0 * (q[1] * y - q[2] * x)
@@ -617,7 +613,7 @@ def turned(q, x, y, z):
     )
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
 def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     """The beam at any rotation: the gradient of an energy that no rigid motion changes, so its moments balance.
 
@@ -642,7 +638,8 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     x, y, z = length * ex + dx, length * ey + dy, length * ez + dz
     distance = np.sqrt(x * x + y * y + z * z)
     longer = (2.0 * length * (dx * ex + dy * ey + dz * ez) + dx * dx + dy * dy + dz * dz) / (distance + length)
-    x, y, z = x / distance, y / distance, z / distance
+    per_distance = 1.0 / distance
+    x, y, z = per_distance * x, per_distance * y, per_distance * z
     ix, iy, iz = turned(qi, ex, ey, ez)
     jx, jy, jz = turned(qj, ex, ey, ez)
     cx, cy, cz = iy * jz - iz * jy, iz * jx - ix * jz, ix * jy - iy * jx
@@ -665,7 +662,7 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     mx, my, mz = vy * z - vz * y, vz * x - vx * z, vx * y - vy * x
     ax, ay, az = ax + torsion * (w * x - mx), ay + torsion * (w * y - my), az + torsion * (w * z - mz)
     bx, by, bz = bx - torsion * (w * x + mx), by - torsion * (w * y + my), bz - torsion * (w * z + mz)
-    pull, two = pull / distance, 2.0 * torsion / distance
+    pull, two = per_distance * pull, 2.0 * per_distance * torsion
     sx = pull * (y * pz - z * py) + two * (vx - half * x)
     sy = pull * (z * px - x * pz) + two * (vy - half * y)
     sz = pull * (x * py - y * px) + two * (vz - half * z)
@@ -685,7 +682,7 @@ def worn(normal, shear_square, moment_square, torsion, section):
     return tensile / section[2], shear / section[3]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def move_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
     reaction, broken, released, sums,
@@ -693,8 +690,8 @@ def move_large(
     """As `move`, co-rotational: beams that reach their strength break; returns how many did.
 
     Quaternions turn by q+ = (1, dt w/2) q, normalised: the Cayley form of the rotation, exact to third order.
-    In the step in which a beam breaks half its force acts, the trapezoid of a force that falls to zero, except for
-    a compression, which the contact takes over whole; so the account of energy stays exact to second order.
+    A beam that breaks acts no more in this step, except for a compression, which the contact takes over. It gives
+    up U + dt/2 (v-.F), its energy half a step ago: what leapfrog, which keeps sum of m v-.v+ / 2 + U, then misses.
     broken, released: numbers of the beams and the energy each gave up [N mm]. reaction (grips, 6): the forces and
     moments that the grips exert are added. sums (6,) receives sum of m v-.v+ [N mm], work lost in damping in the half
     step before and after, work of the grips in each half step [N mm], elastic energy, the fastest sphere [mm/s].
@@ -726,14 +723,15 @@ def move_large(
                 tensile, shear = worn(normal, square, moment, torsion, s)
                 mode[k] = 1 if tensile >= shear else 2
                 kept = min(normal, 0.0)
+                lost = normal - kept
+                vi, vj = v[i], v[j]
+                rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
+                rate += (vi[1] - vj[1]) * (lost * y + sy) + vi[4] * ay + vj[4] * by
+                rate += (vi[2] - vj[2]) * (lost * z + sz) + vi[5] * az + vj[5] * bz
                 broken[count] = k
-                released[count] = energy - 0.5 * kept * kept / b[4]
-                energy = 0.0
+                released[count] = energy - 0.5 * kept * kept / b[4] + 0.5 * dt * rate
                 count += 1
-                normal = 0.5 * (normal + kept)
-                sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
-                ax, ay, az = 0.5 * ax, 0.5 * ay, 0.5 * az
-                bx, by, bz = 0.5 * bx, 0.5 * by, 0.5 * bz
+                energy, normal, sx, sy, sz, ax, ay, az, bx, by, bz = 0.0, kept, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             elastic += energy
             fx, fy, fz = normal * x + sx, normal * y + sy, normal * z + sz
             f0 += fx
@@ -821,7 +819,7 @@ def anchor_energy(u, anchored, anchors):
     return 0.5 * total
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def march_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
     first, last, pair, apart, law, history, micro_friction, window, live,

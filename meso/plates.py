@@ -1,0 +1,147 @@
+"""Two rough plates face to face: from settings to surfaces, packings and lattices.
+
+The axle's plate lies at the bottom, 0 <= z, its rough face up; the wheel's hangs above it, rough face down. The wheel
+is carried by `drive` = (x, y, z): x is the slide, z the height of its plate over the position in which the nominal
+faces coincide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from .calibrate import beams_for
+from .encounters import Encounters, Faces
+from .lattice import Lattice, build, join, turned_over
+from .material import Beams
+from .packing import Packing, morph
+from .packing_cache import flat_packing
+from .settings import Settings, SurfaceKeys
+from .surface import Surface, diamond_square, generator, self_affine
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+def rough_face(keys: SurfaceKeys, body: str, seed: int, size: tuple[float, float]) -> Surface:
+    """The surface of this seed on the plate of a body ("wheel" or "axle"), `size` mm."""
+    rng = generator(f"surface of the {body}", seed)
+    if keys.generator == "diamond_square":
+        return diamond_square(
+            rng, levels=keys.levels, max_height=keys.max_height, hurst_exponent=keys.hurst_exponent, size=size
+        )
+    shape = (round(size[0] * 2**keys.levels) + 1, round(size[1] * 2**keys.levels) + 1)
+    return self_affine(rng, shape=shape, rms_height=keys.rms_height, hurst_exponent=keys.hurst_exponent, size=size)
+
+
+@dataclass(frozen=True)
+class Plates:
+    """The two plates of a friction test, ready to be brought together."""
+
+    settings: Settings
+    wheel_packing: Packing
+    axle_packing: Packing
+    beams: Beams
+    wheel: Lattice
+    """Turned over and hung above the axle's."""
+    axle: Lattice
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """Both in one numbering, the wheel's nodes first."""
+        return join(self.wheel, self.axle)
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The two rough faces."""
+        return Faces(self.lattice, self.wheel.nodes)
+
+    @cached_property
+    def first_touch(self) -> float:
+        """Height of the wheel's plate at which the faces first touch, before any slide [mm]."""
+        return self.faces.first_touch()
+
+    @property
+    def area(self) -> float:
+        """Apparent area of contact [mm2]."""
+        return self.settings.plates.edge**2
+
+    @property
+    def target(self) -> float:
+        """Normal force at the end of the squeeze [N]; 0 where an interference is asked for instead."""
+        return self.settings.load.pressure * self.area if self.settings.load.interference is None else 0.0
+
+    def encounters(self, low: float, high: float, margin: float, travel: float | None = None) -> Encounters:
+        """Pairs that may meet while the wheel's height stays within low ... high [mm]."""
+        settings = self.settings
+        return self.faces.encounters(
+            (low, high),
+            settings.load.slide if travel is None else travel,
+            margin,
+            settings.material,
+            settings.contact.normal_stiffness,
+            settings.contact.tangential_ratio,
+        )
+
+    def likely_approach(self) -> float:
+        """How far below the first touch the squeeze will probably end [mm].
+
+        Spheres that overlap as if the plates were rigid, each a spring of k_n in series with as much again twice
+        (the lattices below it), are brought to the force asked for.
+        """
+        interference = self.settings.load.interference
+        if interference is not None:
+            return interference
+        reach = 0.25 * float(self.lattice.radii.mean())
+        near = self.encounters(self.first_touch - reach, self.first_touch, 0.0, travel=0.0)
+        across = np.hypot(near.apart[:, 0], near.apart[:, 1])
+        radii = near.law[:, 0] + near.law[:, 1]
+        below = across < radii
+        gap = -near.apart[below, 2] - np.sqrt(radii[below] ** 2 - across[below] ** 2)
+        depth = np.sort(gap + self.first_touch)  # approach at which each pair touches, from zero
+        stiffness = float(near.law[:, 2].mean()) / 3.0
+        force = stiffness * (np.arange(1, len(depth) + 1) * depth - np.cumsum(depth))
+        enough = int(np.searchsorted(force, self.target))
+        if enough == 0:
+            return float(depth[0])
+        return float((self.target / stiffness + np.sum(depth[:enough])) / enough)
+
+
+def make_plates(settings: Settings) -> Plates:
+    """Surfaces, packings and lattices of these settings.
+
+    Raises:
+        SettingsError, SurfaceError, PackingError: what cannot be built, and what to try.
+    """
+    keys, edge, slide = settings.plates, settings.plates.edge, settings.load.slide
+    sizes = {"wheel": (edge, edge), "axle": (edge + slide, edge)}
+    seeds = {"wheel": settings.surface.wheel_seed, "axle": settings.surface.axle_seed}
+    whole = sizes["wheel"][0] + sizes["axle"][0]
+    packings = {}
+    for number, (body, size) in enumerate(sizes.items()):
+        spheres = max(1, round(keys.spheres * size[0] / whole))
+        flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+        packings[body] = morph(flat, rough_face(settings.surface, body, seeds[body], size))
+    beams = beams_for(settings.material)
+    lattices = {
+        body: build(
+            packing,
+            settings.material,
+            beams,
+            cube=keys.cube,
+            external_face=keys.external_face,
+            external_modulus=keys.external_modulus,
+        )
+        for body, packing in packings.items()
+    }
+    return Plates(
+        settings=settings,
+        wheel_packing=packings["wheel"],
+        axle_packing=packings["axle"],
+        beams=beams,
+        wheel=turned_over(lattices["wheel"], 2.0 * keys.thickness),
+        axle=lattices["axle"],
+    )
