@@ -19,21 +19,20 @@ Left out: damage before the break, rate effects, and the rolling and twisting of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_matrix, diags
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
 from . import kernels
 from .encounters import Encounters
-from .errors import SettingsError, StabilityError
+from .errors import StabilityError
 from .lattice import Lattice
+from .settings import Breakage
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -42,33 +41,18 @@ TENSION, SHEAR = 1, 2
 """Modes in which a beam breaks."""
 SKIN = 0.2
 """Reach of the pairs near loose spheres beyond contact, in mean radii [-]."""
-STEP = 0.8
-"""Default step over the critical one of the beams [-]: leaves room for contacts."""
-
-
-class Breakage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Strengths of the beams; infinite unless given.
-
-    Raises:
-        SettingsError: a strength that is not positive.
-    """
-
-    tensile_strength: float = np.inf
-    """Of a beam in tension and bending [MPa]."""
-    shear_strength: float = np.inf
-    """Of a beam in shear and torsion [MPa]."""
-
-    def __post_init__(self) -> None:
-        if not (self.tensile_strength > 0.0 and self.shear_strength > 0.0):
-            raise SettingsError("breakage: tensile_strength and shear_strength [MPa] must be > 0")
+NOBODY = Encounters(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
+"""No encounter at all."""
 
 
 @dataclass(frozen=True)
-class Breaks:
-    """What broke, in time."""
+class Broken:
+    """The beams that broke, in time."""
 
     time: FloatArray
     """Shape (k,) [s]."""
+    slide: FloatArray
+    """Where the drive was along x, shape (k,) [mm]."""
     bond: IntArray
     """Number of the beam, shape (k,)."""
     mode: IntArray
@@ -115,17 +99,6 @@ class Account:
         return self.friction + self.damping + self.released
 
 
-@dataclass
-class _Near:
-    """Pairs of loose spheres and what is near them, in the layout of `Encounters`; the first `within` in one plate."""
-
-    pair: IntArray = field(default_factory=lambda: np.empty((0, 2), np.int64))
-    apart: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
-    law: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
-    history: FloatArray = field(default_factory=lambda: np.empty((0, 9)))
-    within: int = 0
-
-
 class Breaking:
     """An explicit run of a lattice whose beams may break.
 
@@ -138,7 +111,7 @@ class Breaking:
         encounters: Of the two faces, as long as neither sphere is loose.
         wheel_nodes: How many nodes are the wheel's; the drive carries them.
         grip: Shape (n,): 0 free, or the number of the grip that moves the sphere at its velocity v.
-        dt: Time step [s]; by default 0.8 of the beams' critical step.
+        dt: Time step [s]: 0.8 of the critical one leaves room for the contacts of broken pieces.
     """
 
     def __init__(
@@ -146,18 +119,18 @@ class Breaking:
         lattice: Lattice,
         breakage: Breakage,
         *,
+        dt: float,
         contact_modulus: float,
-        tangential_ratio: float = 2.0 / 7.0,
+        tangential_ratio: float = 0.8,
         micro_friction: float = 0.0,
-        encounters: Encounters | None = None,
+        encounters: Encounters = NOBODY,
         wheel_nodes: int = 0,
         grip: IntArray | None = None,
-        dt: float | None = None,
     ) -> None:
         n, bonds = lattice.nodes, len(lattice.cols)
         self.lattice, self.wheel_nodes, self.micro_friction = lattice, wheel_nodes, micro_friction
         self.contact_modulus, self.tangential_ratio = contact_modulus, tangential_ratio
-        self.dt = STEP * critical_step(lattice) if dt is None else dt
+        self.dt, self.steps, self.drive = dt, 0, np.zeros(3)
         self.u, self.v, self.f = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
         self.q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         self.grip = np.zeros(n, np.int64) if grip is None else grip.astype(np.int64)
@@ -166,19 +139,14 @@ class Breaking:
         self.section[:, :2] = sections(lattice)
         self.section[:, 2:] = breakage.tensile_strength, breakage.shear_strength
         self.loose = np.zeros(n, np.bool_)
-        self.drive = np.zeros(3)
-        self.steps = 0
-        none = np.empty(0)
-        self.encounters = encounters or Encounters(
-            np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), none, none
-        )
-        self.history = self.encounters.at_rest()
-        self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
-        self._near, self._room, self._carry = _Near(), np.inf, np.zeros(6)
+        self.encounters, self.history = encounters, encounters.at_rest()
+        self.meet(encounters)
+        self._near, self._near_history, self._within, self._room = NOBODY, NOBODY.at_rest(), 0, np.inf
+        self._carry = np.zeros(6)
         self._key = lattice.first * n + lattice.cols
         self._by_key = np.argsort(self._key, kind="stable")
         self._broken, self._released = np.empty(bonds, np.int64), np.empty(bonds)
-        self._log: list[tuple[float, IntArray, FloatArray]] = []
+        self._log: list[tuple[float, float, IntArray, FloatArray]] = []
 
     @property
     def time(self) -> float:
@@ -193,18 +161,25 @@ class Breaking:
         return x
 
     @property
-    def breaks(self) -> Breaks:
-        """Every beam broken so far."""
-        bond = np.concatenate([np.empty(0, np.int64), *(number for _, number, _ in self._log)])
-        ends = np.column_stack([self.lattice.first[bond], self.lattice.cols[bond]])
-        return Breaks(
-            time=np.repeat([time for time, _, _ in self._log], [len(number) for _, number, _ in self._log]),
-            bond=bond,
-            mode=self.mode[bond],
-            ends=ends,
-            place=self.lattice.centres[ends].mean(axis=1),
-            released=np.concatenate([np.empty(0), *(energy for _, _, energy in self._log)]),
-        )
+    def broken(self) -> Broken:
+        """Every beam that broke so far."""
+        bond = np.concatenate([np.empty(0, np.int64), *(number for *_, number, _ in self._log)])
+        when = np.array([(time, slide) for time, slide, number, _ in self._log for _ in number]).reshape(-1, 2)
+        ends = np.stack([self.lattice.first[bond], self.lattice.cols[bond]], axis=1)
+        place = self.lattice.centres[ends].mean(axis=1)
+        released = np.concatenate([np.empty(0), *(energy for *_, energy in self._log)])
+        return Broken(when[:, 0], when[:, 1], bond, self.mode[bond], ends, place, released)
+
+    def meet(self, encounters: Encounters) -> None:
+        """Take other encounters of the two faces; those known from before keep their history."""
+        history = encounters.at_rest()
+        if len(encounters.pair):
+            key, known = (pair @ np.array([self.lattice.nodes, 1]) for pair in (encounters.pair, self.encounters.pair))
+            sort = np.argsort(key)
+            place, same = _find(known, key[sort])
+            history[sort[place[same]]] = self.history[same]
+        self.encounters, self.history = encounters, history
+        self._window, self._live = np.zeros(2, np.int64), np.empty(len(history), np.int64)
 
     def pieces(self) -> IntArray:
         """Number of the connected piece each sphere belongs to, the largest first, shape (n,)."""
@@ -247,25 +222,29 @@ class Breaking:
                 lattice.anchored, lattice.anchors, lattice.twist, lattice.inverse, self.grip, self.dt, damping,
                 meet.first, meet.last, meet.pair, meet.apart, meet.law, self.history, self.micro_friction,
                 self._window, self._live, self.loose,
-                near.pair, near.apart, near.law, near.history, np.arange(len(near.pair)), near.within, self._room,
-                self.drive, pace, target, compliance, left, reaction, self._broken, self._released, self._carry, total,
+                near.pair, near.apart, near.law, self._near_history, np.arange(len(near.pair)), self._within,
+                self._room, self.drive, pace, target, compliance, left, reaction,
+                self._broken, self._released, self._carry, total,
             )  # fmt: skip
             left -= done
             self.steps += done
             if not np.isfinite(total[6]):
-                raise StabilityError(
-                    f"the motion is not finite after {self.steps} steps: take dt below {self.dt:.3g} s"
-                )
+                raise StabilityError(f"no finite motion after {self.steps} steps: take dt below {self.dt:.3g} s")
             if count:
                 bond = self._broken[:count].copy()
-                self._log.append((self.time, bond, self._released[:count].copy()))
-                self.loose[lattice.first[bond]] = self.loose[lattice.cols[bond]] = True
-            if count or self._room <= 0.0:
+                self._log.append((self.time, float(self.drive[0]), bond, self._released[:count].copy()))
+                self.loosen(np.concatenate([lattice.first[bond], lattice.cols[bond]]))
+            elif self._room <= 0.0:
                 self._renew()
         return Account(
             force=total[:3] / steps, grips=reaction / steps, work=total[5], friction=total[3], damping=total[4],
             released=total[9], kinetic=0.5 * total[6], elastic=total[7], contact=total[8],
         )  # fmt: skip
+
+    def loosen(self, nodes: IntArray) -> None:
+        """Let spheres meet whatever comes near them, as if they had lost a beam: the flanks of a notch, say."""
+        self.loose[nodes] = True
+        self._renew()
 
     def _renew(self) -> None:
         """List again the pairs near loose spheres; those that were known keep their law and history."""
@@ -276,7 +255,7 @@ class Breaking:
         ends = cKDTree(x[loose]).sparse_distance_matrix(cKDTree(x), reach, output_type="coo_matrix")
         i, j = np.sort([loose[ends.row], ends.col], axis=0)
         key = np.unique((i * lattice.nodes + j)[i < j])
-        i, j = np.divmod(key, lattice.nodes)
+        i, j = np.divmod(key, lattice.nodes)  # i < j: the wheel's node first
         radii = np.stack([lattice.radii[i], lattice.radii[j]], axis=1)
         touching, distance = radii.sum(axis=1), np.linalg.norm(x[j] - x[i], axis=1)
         place, known = _find(key, self._key[self._by_key])
@@ -291,35 +270,26 @@ class Breaking:
         law[:, :2] = radii * (np.where(known, 1.0 / per_length, np.minimum(touching, distance)) / touching)[:, None]
         law[:, 2] = np.where(known, axial, self.contact_modulus * 0.5 * touching)
         law[:, 3] = self.tangential_ratio * law[:, 2]
-        history = np.zeros((len(key), 9))
-        history[:, 0] = np.inf
+        self._near = Encounters(
+            np.stack([i, j], axis=1), lattice.centres[j] - lattice.centres[i], law, np.empty(0), np.empty(0)
+        )
+        history = self._near.at_rest()
         live = self._live[: self._window[1]]
         live = live[self.loose[self.encounters.pair[live]].any(axis=1)]
-        before = np.concatenate([old.pair, self.encounters.pair[live]])
+        before = np.concatenate([old.pair, self.encounters.pair[live]]) @ np.array([lattice.nodes, 1])
         if len(before):
-            before_key = before[:, 0] * lattice.nodes + before[:, 1]
-            sort = np.argsort(before_key)
-            place, same = _find(key, before_key[sort])
+            sort = np.argsort(before)
+            place, same = _find(key, before[sort])
             row = sort[place[same]]
             law[same] = np.concatenate([old.law, self.encounters.law[live]])[row]
-            history[same] = np.concatenate([old.history, self.history[live]])[row]
-        apart = lattice.centres[j] - lattice.centres[i]
-        self._near = _Near(np.stack([i, j], axis=1), apart, law, history, int(np.sum(keep & ~across)))
-        self._room = skin
+            history[same] = np.concatenate([self._near_history, self.history[live]])[row]
+        self._near_history, self._within, self._room = history, int(np.sum(keep & ~across)), skin
 
 
 def _find(key: IntArray, sorted_keys: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Where each key stands in a sorted list that is not empty, and whether it does."""
     place = np.minimum(np.searchsorted(sorted_keys, key), len(sorted_keys) - 1)
     return place, sorted_keys[place] == key
-
-
-def critical_step(lattice: Lattice) -> float:
-    """2/omega with omega the highest frequency of the beams, by Lanczos' method [s]."""
-    root = np.sqrt(np.repeat(lattice.inverse, 3, axis=1).ravel())
-    scaled = diags(root) @ lattice.stiffness() @ diags(root)
-    square = eigsh(scaled, k=1, which="LA", tol=1e-3, v0=np.ones(len(root)), return_eigenvectors=False)[0]
-    return float(2.0 / np.sqrt(square * 1.002))
 
 
 def sections(lattice: Lattice) -> FloatArray:

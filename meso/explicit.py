@@ -196,8 +196,7 @@ class _Run:
             for _ in range(10):
                 press(max(1, steps // 10), -approach / (10 * max(1, steps // 10) * self.dt))
             press(2 * rest, 0.0)
-        table = np.array(rows)
-        return Curve(table[:, 0], table[:, 1], table[:, 2], table[:, 3], np.full(len(table), 1.0 / len(table)))
+        return _curve(np.array(rows), 0.0)
 
     def _slide(self) -> tuple[Curve, FloatArray]:
         keys, slide = self.settings.engine, self.settings.load.slide
@@ -208,12 +207,10 @@ class _Run:
             speed = keys.speed * min(1.0, (end / (START * slide)) ** 0.5)
             steps = max(1, round((end - self.drive[0]) / speed / self.dt))
             speed = (end - self.drive[0]) / (steps * self.dt)
-            start = self.drive[0]
-            sums = self.advance(steps, (speed, 0.0), keys.damping, target)
+            sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target)
             total[3:6] += sums[3:6]
-            rows.append((end, sums[2], -sums[0], self.drive[2], self.drive[0] - start))
-        table = np.array(rows)
-        return Curve(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4] / table[:, 4].sum()), total
+            rows.append((end, sums[2], -sums[0], self.drive[2]))
+        return _curve(np.array(rows), 0.0), total
 
     def _stored(self) -> tuple[float, float, float]:
         """Energy in the beams, in the contacts, and kinetic energy [N mm]."""
@@ -250,3 +247,17 @@ class _Run:
         place = order[np.minimum(np.searchsorted(keys[order], known), len(order) - 1)]
         same = keys[place] == known
         self.history[place[same]] = history[same]
+
+
+def _curve(rows: FloatArray, start: float) -> Curve:
+    """Rows of displacement at the end of a stretch, mean N and T over it, height at its end."""
+    step = np.diff(rows[:, 0], prepend=start)
+    return Curve(
+        displacement=rows[:, 0],
+        start=start,
+        normal=rows[:, 1],
+        tangential=rows[:, 2],
+        height=rows[:, 3],
+        share=step / max(step.sum(), 1e-300),
+        tangential_work=float(step @ rows[:, 2]),
+    )

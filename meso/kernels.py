@@ -336,31 +336,44 @@ def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, fo
     beside the slip mu f_n / k_t at which a contact yields. `old` and `now` are histories. Left out of the tangent: the turning
     of the normal, f_n/|d| against k_n.
     """
-    reach, kn, kt = law[0] + law[1], law[2], law[3]
-    nx, ny, nz, fn = touch(dx, dy, dz, reach, kn)
+    kn, kt = law[2], law[3]
+    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+    nx, ny, nz = dx / distance, dy / distance, dz / distance
+    fn = max(0.0, kn * (law[0] + law[1] - distance))
     now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7], now[8] = 0.0, 0.0, 0.0, ox, oy, oz, rx, ry, rz
-    if fn <= 0.0:
-        return 0.0, 0.0
-    tx, ty, tz, lost = 0.0, 0.0, 0.0, 0.0
-    bound = micro_friction * fn
-    if old[0] != np.inf:
+    if old[0] == np.inf or (fn == 0.0 and old[0] == 0.0 and old[1] == 0.0 and old[2] == 0.0):
+        sx, sy, sz = 0.0, 0.0, 0.0
+    else:
         ax, ay, az = rx - old[6], ry - old[7], rz - old[8]
-        tx, ty, tz, lost = slide(
-            nx, ny, nz, bound, kt, old[0], old[1], old[2],
-            ox - old[3] + ay * nz - az * ny, oy - old[4] + az * nx - ax * nz, oz - old[5] + ax * ny - ay * nx,
-        )  # fmt: skip
+        sx = ox - old[3] + ay * nz - az * ny
+        sy = oy - old[4] + az * nx - ax * nz
+        sz = oz - old[5] + ax * ny - ay * nx
+    bound = micro_friction * fn
+    tx, ty, tz, slipped, lost = 0.0, 0.0, 0.0, 0.0, 0.0
+    if old[0] != np.inf:
+        tx, ty, tz, slipped = slide(nx, ny, nz, bound, kt, old[0], old[1], old[2], sx, sy, sz)
+        # the loss: mean of the old and the new force, times the slip in the plane half-way between both states
+        mx, my, mz = 2.0 * dx + ox - old[3], 2.0 * dy + oy - old[4], 2.0 * dz + oz - old[5]
+        sm = (sx * mx + sy * my + sz * mz) / (mx * mx + my * my + mz * mz)
+        way = np.sqrt((sx - sm * mx) ** 2 + (sy - sm * my) ** 2 + (sz - sm * mz) ** 2)
+        before = np.sqrt(old[0] ** 2 + old[1] ** 2 + old[2] ** 2)
+        after = np.sqrt(tx * tx + ty * ty + tz * tz)
+        if slipped > 0.0 or fn == 0.0:
+            lost = max(0.0, 0.5 * (before + after) * (way + (after - before) / kt))
+    if fn == 0.0:
+        return 0.0, lost
     now[0], now[1], now[2] = tx, ty, tz
     force[0], force[1], force[2] = tx - fn * nx, ty - fn * ny, tz - fn * nz
     n = (nx, ny, nz)
     t = (tx, ty, tz)
-    slips = lost > 0.0 or old[0] == np.inf
+    slips = slipped > 0.0 or old[0] == np.inf
     for a in range(3):
         for b in range(3):
             tangent[a, b] = kn * n[a] * n[b]
             if not slips:
                 tangent[a, b] += kt * ((1.0 if a == b else 0.0) - n[a] * n[b])
-            elif bound > 0.0 and lost > 0.0:
-                trial = bound + kt * lost / bound
+            elif slipped > 0.0:
+                trial = bound + kt * slipped / bound
                 tangent[a, b] -= t[a] * n[b] * kn / fn
                 across = (1.0 if a == b else 0.0) - n[a] * n[b] - t[a] * t[b] / (bound * bound)
                 tangent[a, b] += kt * bound / trial * across
@@ -545,6 +558,7 @@ def settle(
             toward = (ox - drive[0]) * direction[0] + (oy - drive[1]) * direction[1] + (oz - height) * direction[2]
             closing = max(closing, toward)
             pulled = forces[p, 0] != 0.0 or forces[p, 1] != 0.0 or forces[p, 2] != 0.0
+            held = history[p, 0] != np.inf and (history[p, 0] != 0.0 or history[p, 1] != 0.0 or history[p, 2] != 0.0)
             if pulled or fn > 0.0:
                 touching[touch_count] = p
                 touch_count += 1
@@ -553,13 +567,13 @@ def settle(
                     residual = max(residual, abs(direction[a] - normal[p, a]) * fn)
                     sums[a] += answer[p, a]
             normal[p] = direction
-            if pulled or size < ri + rj + close:
+            if pulled or held or size < ri + rj + close:
                 following[near_count] = p
                 near_count += 1
+            sums[3] += lost
             if fn > 0.0:
                 largest = max(largest, fn)
                 square = trial[p, 0] ** 2 + trial[p, 1] ** 2 + trial[p, 2] ** 2
-                sums[3] += lost
                 sums[5] += 0.5 * fn * fn / law[p, 2] + 0.5 * square / law[p, 3]
         if target > 0.0:
             residual = max(residual, abs(target - sums[2]))
@@ -603,18 +617,18 @@ def settle(
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def turned(q, x, y, z):
+def turned(q, i, x, y, z):
     """The vector (x, y, z) turned by a unit quaternion: e + 2 w (v x e) + 2 v x (v x e)."""
-    cx, cy, cz = 2.0 * (q[2] * z - q[3] * y), 2.0 * (q[3] * x - q[1] * z), 2.0 * (q[1] * y - q[2] * x)
+    cx, cy, cz = 2.0 * (q[i, 2] * z - q[i, 3] * y), 2.0 * (q[i, 3] * x - q[i, 1] * z), 2.0 * (q[i, 1] * y - q[i, 2] * x)
     return (
-        x + q[0] * cx + q[2] * cz - q[3] * cy,
-        y + q[0] * cy + q[3] * cx - q[1] * cz,
-        z + q[0] * cz + q[1] * cy - q[2] * cx,
+        x + q[i, 0] * cx + q[i, 2] * cz - q[i, 3] * cy,
+        y + q[i, 0] * cy + q[i, 3] * cx - q[i, 1] * cz,
+        z + q[i, 0] * cz + q[i, 1] * cy - q[i, 2] * cx,
     )
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
+def beam_large(ex, ey, ez, per_length, axial, bending, twist, u, q, i, j):
     """The beam at any rotation: the gradient of an energy that no rigid motion changes, so its moments balance.
 
     X is the unit vector from i to j now, L their distance, a_k the rest axis e as sphere k has carried it, Q = (w, v)
@@ -628,20 +642,20 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
 
     T_i + T_j + L X x F_j = 0. For small rotations it is `beam`; the angles appear by their sines (2 sin(p/2) for the
     twist), never by acos, and elongations below the rounding of L are kept.
-    After Andre et al. 2012 and Bauchau's frame-free notation; the choice of |a_j - a_i|^2 is ours.
+    Node i has row i of u and of q. After Andre et al. 2012, made independent of the frame.
 
     Returns X (3), normal force EA/l (L - l), shear force on i (3), T_i (3), T_j (3) and what breaks the beam: square
     of the larger bending moment, torsion moment; at last U.
     """
     length = 1.0 / per_length
-    dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
+    dx, dy, dz = u[j, 0] - u[i, 0], u[j, 1] - u[i, 1], u[j, 2] - u[i, 2]
     x, y, z = length * ex + dx, length * ey + dy, length * ez + dz
     distance = np.sqrt(x * x + y * y + z * z)
     longer = (2.0 * length * (dx * ex + dy * ey + dz * ez) + dx * dx + dy * dy + dz * dz) / (distance + length)
     per_distance = 1.0 / distance
     x, y, z = per_distance * x, per_distance * y, per_distance * z
-    ix, iy, iz = turned(qi, ex, ey, ez)
-    jx, jy, jz = turned(qj, ex, ey, ez)
+    ix, iy, iz = turned(q, i, ex, ey, ez)
+    jx, jy, jz = turned(q, j, ex, ey, ez)
     cx, cy, cz = iy * jz - iz * jy, iz * jx - ix * jz, ix * jy - iy * jx
     gx, gy, gz = y * iz - z * iy, z * ix - x * iz, x * iy - y * ix
     hx, hy, hz = y * jz - z * jy, z * jx - x * jz, x * jy - y * jx
@@ -651,10 +665,10 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     ax, ay, az = -two * cx - pull * gx, -two * cy - pull * gy, -two * cz - pull * gz
     bx, by, bz = two * cx - pull * hx, two * cy - pull * hy, two * cz - pull * hz
     moment = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz)
-    w = qj[0] * qi[0] + qj[1] * qi[1] + qj[2] * qi[2] + qj[3] * qi[3]
-    vx = qi[0] * qj[1] - qj[0] * qi[1] - (qj[2] * qi[3] - qj[3] * qi[2])
-    vy = qi[0] * qj[2] - qj[0] * qi[2] - (qj[3] * qi[1] - qj[1] * qi[3])
-    vz = qi[0] * qj[3] - qj[0] * qi[3] - (qj[1] * qi[2] - qj[2] * qi[1])
+    w = q[j, 0] * q[i, 0] + q[j, 1] * q[i, 1] + q[j, 2] * q[i, 2] + q[j, 3] * q[i, 3]
+    vx = q[i, 0] * q[j, 1] - q[j, 0] * q[i, 1] - (q[j, 2] * q[i, 3] - q[j, 3] * q[i, 2])
+    vy = q[i, 0] * q[j, 2] - q[j, 0] * q[i, 2] - (q[j, 3] * q[i, 1] - q[j, 1] * q[i, 3])
+    vz = q[i, 0] * q[j, 3] - q[j, 0] * q[i, 3] - (q[j, 1] * q[i, 2] - q[j, 2] * q[i, 1])
     if w < 0.0:
         w, vx, vy, vz = -w, -vx, -vy, -vz
     half = vx * x + vy * y + vz * z
@@ -682,6 +696,25 @@ def worn(normal, shear_square, moment_square, torsion, section):
     return tensile / section[2], shear / section[3]
 
 
+@njit(cache=True, fastmath=FAST)
+def give_up(u, v, q, beams, section, twist, i, j, k, dt):
+    """Mode in which beam k breaks and the energy it gives up [N mm], less that of a compression, which goes on.
+
+    U + dt/2 (v-.F), its energy half a step ago: what leapfrog, which keeps sum of m v-.v+ / 2 + U, then misses.
+    """
+    b, vi, vj = beams[k], v[i], v[j]
+    x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
+        b[0], b[1], b[2], b[3], b[4], b[5], twist, u, q, i, j
+    )
+    tensile, shear = worn(normal, sx * sx + sy * sy + sz * sz, moment, torsion, section[k])
+    kept = min(normal, 0.0)
+    lost = normal - kept
+    rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
+    rate += (vi[1] - vj[1]) * (lost * y + sy) + vi[4] * ay + vj[4] * by
+    rate += (vi[2] - vj[2]) * (lost * z + sz) + vi[5] * az + vj[5] * bz
+    return 1 if tensile >= shear else 2, energy - 0.5 * kept * kept / b[4] + 0.5 * dt * rate
+
+
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def move_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
@@ -690,8 +723,7 @@ def move_large(
     """As `move`, co-rotational: beams that reach their strength break; returns how many did.
 
     Quaternions turn by q+ = (1, dt w/2) q, normalised: the Cayley form of the rotation, exact to third order.
-    A beam that breaks acts no more in this step, except for a compression, which the contact takes over. It gives
-    up U + dt/2 (v-.F), its energy half a step ago: what leapfrog, which keeps sum of m v-.v+ / 2 + U, then misses.
+    A beam that breaks acts no more in this step, except for a compression, which a contact takes over.
     broken, released: numbers of the beams and the energy each gave up [N mm]. reaction (grips, 6): the forces and
     moments that the grips exert are added. sums (6,) receives sum of m v-.v+ [N mm], work lost in damping in the half
     step before and after, work of the grips in each half step [N mm], elastic energy, the fastest sphere [mm/s].
@@ -702,36 +734,28 @@ def move_large(
     kinetic, before, after, work, elastic, fastest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count = 0
     for i in range(len(rows) - 1):
-        ui, qi = u[i], q[i]
         f0, f1, f2, f3, f4, f5 = f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5]
         for k in range(rows[i], rows[i + 1]):
             if mode[k] != 0:
                 continue
             j = cols[k]
-            b = beams[k]
             x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
-                b[0], b[1], b[2], b[3], b[4], b[5], twist, ui, u[j], qi, q[j]
+                beams[k, 0], beams[k, 1], beams[k, 2], beams[k, 3], beams[k, 4], beams[k, 5], twist, u, q, i, j
             )
-            s = section[k]
             square = sx * sx + sy * sy + sz * sz
-            room = s[2] - s[0] * normal
-            left = s[3] - 0.5 * s[1] * abs(torsion)
+            room = section[k, 2] - section[k, 0] * normal
+            left = section[k, 3] - 0.5 * section[k, 1] * abs(torsion)
             if (
-                room <= 0.0 or left <= 0.0 or s[1] * s[1] * moment > room * room
-                or 16.0 / 9.0 * s[0] * s[0] * square > left * left
+                room <= 0.0 or left <= 0.0 or section[k, 1] * section[k, 1] * moment > room * room
+                or 16.0 / 9.0 * section[k, 0] * section[k, 0] * square > left * left
             ):  # fmt: skip
-                tensile, shear = worn(normal, square, moment, torsion, s)
-                mode[k] = 1 if tensile >= shear else 2
-                kept = min(normal, 0.0)
-                lost = normal - kept
-                vi, vj = v[i], v[j]
-                rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
-                rate += (vi[1] - vj[1]) * (lost * y + sy) + vi[4] * ay + vj[4] * by
-                rate += (vi[2] - vj[2]) * (lost * z + sz) + vi[5] * az + vj[5] * bz
+                mode[k], released[count] = give_up(u, v, q, beams, section, twist, i, j, k, dt)
                 broken[count] = k
-                released[count] = energy - 0.5 * kept * kept / b[4] + 0.5 * dt * rate
                 count += 1
-                energy, normal, sx, sy, sz, ax, ay, az, bx, by, bz = 0.0, kept, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                kept = min(normal, 0.0)
+                f0, f1, f2 = f0 + kept * x, f1 + kept * y, f2 + kept * z
+                f[j, 0], f[j, 1], f[j, 2] = f[j, 0] - kept * x, f[j, 1] - kept * y, f[j, 2] - kept * z
+                continue
             elastic += energy
             fx, fy, fz = normal * x + sx, normal * y + sy, normal * z + sz
             f0 += fx
@@ -777,7 +801,7 @@ def move_large(
         u[i, 4] += dt * v4
         u[i, 5] += dt * v5
         half = 0.5 * dt
-        x, y, z, q0, q1, q2, q3 = half * v3, half * v4, half * v5, qi[0], qi[1], qi[2], qi[3]
+        x, y, z, q0, q1, q2, q3 = half * v3, half * v4, half * v5, q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         p0 = q0 - x * q1 - y * q2 - z * q3
         p1 = q1 + x * q0 + y * q3 - z * q2
         p2 = q2 + y * q0 + z * q1 - x * q3

@@ -191,7 +191,20 @@ def _curve(rows: FloatArray, displacement: FloatArray) -> Curve:
     share = np.zeros(len(rows))
     share[:-1] += 0.5 * step
     share[1:] += 0.5 * step
-    return Curve(displacement, rows[:, 5], -rows[:, 3], rows[:, 2], share / max(step.sum(), 1e-300))
+    normal = rows[:, 5]
+    # Sampled at increments, T swings with every sphere that is climbed, and its mean with it. What it does is known
+    # without that: the losses and the change of what is stored, less the work of N where the height changes.
+    raised = float(np.sum(0.5 * (normal[1:] + normal[:-1]) * np.diff(rows[:, 2])))
+    work = float(rows[1:, 6].sum() + rows[-1, 7] + rows[-1, 8] - rows[0, 7] - rows[0, 8])
+    return Curve(
+        displacement=displacement,
+        start=float(displacement[0]),
+        normal=normal,
+        tangential=-rows[:, 3],
+        height=rows[:, 2],
+        share=share / max(step.sum(), 1e-300),
+        tangential_work=work + raised,
+    )
 
 
 def _account(rows: FloatArray) -> Work:

@@ -18,6 +18,8 @@ class Curve:
 
     displacement: FloatArray
     """Slide of the wheel, shape (n,) [mm]."""
+    start: float
+    """Where the slide starts [mm]."""
     normal: FloatArray
     """N, pushing the plates apart, shape (n,) [N]."""
     tangential: FloatArray
@@ -26,6 +28,8 @@ class Curve:
     """Of the wheel's plate over the position in which the nominal faces coincide, shape (n,) [mm]."""
     share: FloatArray
     """Part of the slide that each row stands for, shape (n,), sum 1."""
+    tangential_work: float
+    """Work done against T over the slide [N mm]; the quasi-static engine has it from energies, not from the rows."""
 
     @property
     def friction(self) -> FloatArray:
@@ -41,7 +45,7 @@ class Curve:
     @property
     def mean_tangential(self) -> float:
         """Mean T over the slide [N]."""
-        return float(self.share @ self.tangential)
+        return self.tangential_work / float(self.displacement[-1] - self.start)
 
     @property
     def coefficient(self) -> float:

@@ -118,8 +118,8 @@ class EngineKeys(Keys, frozen=True):
     tolerance: float = 1e-3  # quasi-static: residual over the largest contact force
     speed: float = 20_000.0  # explicit: of the slide
     approach_speed: float = 2_000.0  # explicit: of the squeeze
-    damping: float = 5e5  # explicit: rate c of the slide [1/s]
-    squeeze_damping: float = 6e6  # explicit: the same during the squeeze
+    damping_length: float = 0.08  # explicit: the slide's rate of damping is speed over this length
+    squeeze_damping: float = 6e6  # explicit: rate during the squeeze [1/s]
     safety: float = 0.9  # explicit: time step over the critical one
     time_step: float | None = None  # explicit: instead of safety [s]; above the limit it is refused
     breakage: Breakage | None = None
@@ -127,10 +127,8 @@ class EngineKeys(Keys, frozen=True):
     def check(self) -> None:
         """Raise SettingsError for a value out of bounds."""
         _between("engine.samples", self.samples, 10, 1_000_000)
-        for name in ("increment", "tolerance", "speed", "approach_speed"):
+        for name in ("increment", "tolerance", "speed", "approach_speed", "damping_length", "squeeze_damping"):
             _positive(f"engine.{name}", getattr(self, name))
-        for name in ("damping", "squeeze_damping"):
-            _between(f"engine.{name}", getattr(self, name), 0.0, 1e12)
         _between("engine.safety", self.safety, 1e-3, 1.0)
         if self.time_step is not None:
             _positive("engine.time_step", self.time_step)

@@ -8,8 +8,9 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .breakage import SHEAR, TENSION, Account, Breakage, Breaking, sections
+from .breakage import SHEAR, TENSION, Account, Breaking, sections
 from .lattice import Lattice
+from .settings import Breakage
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
