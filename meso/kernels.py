@@ -333,8 +333,8 @@ def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, fo
 
     d: wheel to axle centre; r = r_i t_i + r_j t_j; o: displacement of the wheel sphere against the axle's; w is the
     displacement of the contact point, o + r x n. A pair that was apart begins from where it was: an increment is long
-    beside the slip mu f_n / k_t at which a contact yields. `old` and `now` are histories. Left out of the tangent: the turning
-    of the normal, f_n/|d| against k_n.
+    beside the slip mu f_n / k_t at which a contact yields. `old` and `now` are histories. Left out of the tangent: the
+    turning of the normal, f_n/|d| against k_n.
     """
     kn, kt = law[2], law[3]
     distance = np.sqrt(dx * dx + dy * dy + dz * dz)

@@ -87,7 +87,7 @@ def wall_height(heights, dx, dy, x, y):
 
 @njit(cache=True)
 def _forces(x, r, pairs, size, thickness, heights, force):
-    """Forces -dU/dx of U = sum of overlap^2 / 2 over pairs and walls; largest residual force, mean contact force."""
+    """Forces -dU/dx of U = sum of overlap^2 / 2 over pairs and walls; returns the mean contact force."""
     dx, dy = size[0] / (heights.shape[0] - 1), size[1] / (heights.shape[1] - 1)
     force[:] = 0.0
     total, contacts = 0.0, 0
@@ -120,7 +120,7 @@ def _forces(x, r, pairs, size, thickness, heights, force):
                 force[i, 0] += overlap * nz * hx
                 force[i, 1] += overlap * nz * hy
                 force[i, 2] -= overlap * nz
-    return total / max(1, contacts), contacts
+    return total / max(1, contacts)
 
 
 @njit(cache=True)
@@ -139,7 +139,7 @@ def quench(x, r, size, thickness, heights, iterations, tolerance):
     origin = x.copy()
     dt, alpha, uphill = 0.1, 0.1, 0
     for iteration in range(iterations):
-        contact, contacts = _forces(x, r, pairs, size, thickness, heights, force)
+        contact = _forces(x, r, pairs, size, thickness, heights, force)
         ff, vv, power = 0.0, 0.0, 0.0
         for i in range(n):
             for a in range(3):

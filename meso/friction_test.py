@@ -1,0 +1,113 @@
+"""The friction test: two rough plates are squeezed, slid over each other, and give the meso coefficient.
+
+    plates = make_plates(settings)                   # surfaces, packings, lattices
+    engine = QuasiStatic(plates) or Explicit(plates)
+    slide  = engine.slide(micro_friction)            # squeeze, slide: N, T along the way; as often as asked
+
+`run` does the three, picks the engine, and falls back on the explicit one where the quasi-static finds no equilibrium.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from .errors import SettingsError
+from .plates import Plates, make_plates
+from .records import Slide
+from .settings import Settings
+
+LARGEST_CONDENSED = 14_000
+"""Spheres of both plates together above which `auto` takes the explicit engine for a single micro coefficient."""
+
+
+class Engine(Protocol):
+    """Plates prepared for any number of slides."""
+
+    name: str
+
+    def slide(self, micro_friction: float) -> Slide:
+        """Squeeze and slide with this micro coefficient of friction."""
+        ...
+
+
+@dataclass(frozen=True)
+class FrictionTest:
+    """The outcome of a friction test."""
+
+    settings: Settings
+    plates: Plates
+    slides: list[Slide]
+    """One for each micro coefficient, in the order asked for."""
+    packing_cpu_s: float
+    """CPU time of surfaces, packings and lattices [s]."""
+    setup_cpu_s: float
+    """CPU time of preparing the engine [s]."""
+
+
+def run(settings: Settings, watch: Callable[[str], None] = lambda stage: None) -> FrictionTest:
+    """Compute the meso coefficient for every micro coefficient of the settings; `watch` hears of each stage.
+
+    Raises:
+        MesoError: what cannot be computed, and what to try.
+    """
+    started = time.process_time()
+    watch("plates")
+    plates = make_plates(settings)
+    packed = time.process_time()
+    engine = prepared(plates)
+    ready = time.process_time()
+    slides = []
+    for slide in slid(plates, engine, settings.contact.coefficients, watch):
+        slides.append(slide)
+    return FrictionTest(
+        settings=settings,
+        plates=plates,
+        slides=slides,
+        packing_cpu_s=packed - started,
+        setup_cpu_s=ready - packed,
+    )
+
+
+def slid(
+    plates: Plates, engine: Engine, coefficients: tuple[float, ...], watch: Callable[[str], None] = lambda stage: None
+) -> Iterator[Slide]:
+    """One slide after the other; the explicit engine steps in, with a remark, where there is no equilibrium."""
+    from .quasistatic import Unsettled
+
+    for micro_friction in coefficients:
+        watch(f"micro_friction = {micro_friction:g}")
+        try:
+            yield engine.slide(micro_friction)
+        except Unsettled as unsettled:
+            from dataclasses import replace
+
+            from .explicit import Explicit
+
+            watch(f"{unsettled}; the explicit engine takes over")
+            slide = Explicit(plates).slide(micro_friction)
+            yield replace(slide, remark=f"quasi-static: {unsettled}")
+
+
+def engine_name(settings: Settings) -> str:
+    """The engine that `auto` stands for here: explicit where beams may break or the condensed plates grow too large."""
+    keys = settings.engine
+    if keys.name != "auto":
+        return keys.name
+    return "explicit" if keys.breakage or settings.plates.spheres > LARGEST_CONDENSED else "quasi-static"
+
+
+def prepared(plates: Plates) -> Engine:
+    """The engine that the settings ask for, ready to slide."""
+    name = engine_name(plates.settings)
+    if plates.settings.engine.breakage is not None:
+        raise SettingsError("engine.breakage is not wired yet")
+    if name == "explicit":
+        from .explicit import Explicit
+
+        return Explicit(plates)
+    from .quasistatic import QuasiStatic
+
+    return QuasiStatic(plates)
