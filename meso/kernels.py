@@ -366,7 +366,7 @@ def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, fo
     force[0], force[1], force[2] = tx - fn * nx, ty - fn * ny, tz - fn * nz
     n = (nx, ny, nz)
     t = (tx, ty, tz)
-    slips = slipped > 0.0 or old[0] == np.inf
+    slips = slipped > 0.0 or bound == 0.0 or old[0] == np.inf
     for a in range(3):
         for b in range(3):
             tangent[a, b] = kn * n[a] * n[b]
@@ -532,11 +532,14 @@ def settle(
         between = apart[p] - drive
         if normal[p, 0] == 0.0 and normal[p, 1] == 0.0 and normal[p, 2] == 0.0:
             normal[p] = between / np.sqrt(np.sum(between * between))
+    floor = 0.0  # of the force that residuals are compared to, where a contact has only just been made
+    for p in live:
+        floor = max(floor, 1e-6 * law[p, 2] * (law[p, 0] + law[p, 1]))
     near = live
     iteration = 0
     while True:
         energy = load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua)
-        residual, largest = 0.0, 0.0
+        residual, largest = 0.0, floor
         sums[:] = 0.0
         sums[4] = energy
         touching, following = np.empty(len(near), np.int64), np.empty(len(near), np.int64)

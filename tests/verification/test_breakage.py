@@ -1,8 +1,8 @@
-"""Beams that break: at the load of the closed forms, at the notch of a bar, with mass, momentum and energy accounted."""
+"""Beams that break: at the load of closed forms, at the notch of a bar; mass, momentum and energy accounted for."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy.sparse.linalg import spsolve
 
+from meso import kernels
 from meso.breakage import SHEAR, TENSION, Account, Breaking
 from meso.encounters import Encounters, Faces
 from meso.explicit import critical_time_step
@@ -17,7 +18,7 @@ from meso.lattice import Lattice, build, join, turned_over
 from meso.material import Beams, Material
 from meso.packing import pack
 from meso.settings import Breakage
-from meso.tension import Pulled, ends, first_break, pull, stresses, without
+from meso.tension import Pulled, ends, first_break, pull, without
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -53,8 +54,10 @@ def chain(spheres: int) -> Lattice:
     )
 
 
-def run(lattice: Lattice, breakage: Breakage, *, grip: IntArray | None = None, friction: float = 0.0) -> Breaking:
-    dt = 0.8 * critical_time_step(lattice)
+def run(
+    lattice: Lattice, breakage: Breakage, *, grip: IntArray | None = None, friction: float = 0.0, safety: float = 0.8
+) -> Breaking:
+    dt = safety * critical_time_step(lattice)
     return Breaking(lattice, breakage, dt=dt, contact_modulus=CONTACT, micro_friction=friction, grip=grip)
 
 
@@ -220,12 +223,15 @@ def test_the_bars_account_of_energy(notched: Notched) -> None:
 
 
 def test_a_block_that_spins_apart_keeps_its_momenta() -> None:
-    """Free, without friction: linear and angular momentum to rounding through 100s of breaks; energy within 1 %."""
+    """Free: linear and angular momentum to rounding through hundreds of breaks, and the energy.
+
+    Its kinetic energy is 1e4 times what the beams hold when they break: 1e-5 of it is a tenth of what they release.
+    """
     packing = pack(np.random.default_rng(5), spheres=150, size=(0.4, 0.3), thickness=0.3)
     body = run(build(packing, Material(), BEAMS), strengths(600.0, 600.0))
     middle = body.lattice.masses @ body.lattice.centres / body.lattice.masses.sum()
-    spin = np.array([1e5, 1e5, 5e5])
-    body.v[:, :3] = np.cross(spin, body.lattice.centres - middle) + [1e4, 0.0, 0.0]
+    spin, drift = np.array([1e5, 1e5, 5e5]), np.array([1e4, 0.0, 0.0])
+    body.v[:, :3] = np.cross(spin, body.lattice.centres - middle) + drift
     body.v[:, 3:] = spin
     (linear, angular), accounts = momenta(body), [body.advance(1)]
     accounts += [body.advance(500) for _ in range(6)]
@@ -234,28 +240,133 @@ def test_a_block_that_spins_apart_keeps_its_momenta() -> None:
     assert momenta(body)[0] == pytest.approx(linear, rel=1e-10, abs=1e-10 * np.abs(linear).max())
     assert momenta(body)[1] == pytest.approx(angular, rel=1e-10, abs=1e-10 * np.abs(angular).max())
     lost = sum(a.lost for a in accounts)
-    assert accounts[-1].stored + lost == pytest.approx(accounts[0].stored, rel=1e-2)
-    assert lost > 0.0
+    assert accounts[-1].stored + lost == pytest.approx(accounts[0].stored, rel=1e-5)
+    assert lost > 5e-5 * accounts[0].stored
 
 
 def test_a_beam_sheared_in_compression_goes_on_pushing() -> None:
-    """The ends of the broken beam keep its normal force to one step's change, and rub with mu N."""
+    """Its broken ends keep the normal force without a jump, and rub with mu N."""
     body = run(chain(2), strengths(shear=STRENGTH), grip=np.array([1, 2]), friction=0.2)
-    squeeze = 1e-3 * LENGTH
-    body.v[1, 0] = -squeeze / (500 * body.dt)
+    body.v[1, 0] = -1e-3 * LENGTH / (500 * body.dt)
     body.advance(500)
     body.v[1] = 0.0
-    normal = -float(body.advance(1).grips[0, 0])
-    body.v[1, 2] = 0.05 * LENGTH / (4000 * body.dt)
-    accounts: list[Account] = []
+    normal = 1e-3 * body.lattice.beams[0, 4] * LENGTH
+    assert body.advance(1).grips[0, 0] == pytest.approx(normal, rel=1e-6)
+    body.v[1, 2] = 0.02 * LENGTH / (4000 * body.dt)
+    accounts: list[Account] = [body.advance(1)]
     while not body.broken.bond.size:
         accounts.append(body.advance(1))
-    after = [body.advance(1) for _ in range(5)]
+    accounts = [*accounts[-3:], *(body.advance(1) for _ in range(5))]
     assert body.broken.mode.tolist() == [SHEAR]
-    forces = -np.array([a.grips[0, 0] for a in [*accounts[-3:], *after]])
-    assert normal < 0.0 or forces[-1] > 0.0
-    assert np.abs(np.diff(forces)).max() < 0.05 * abs(forces[0])
-    later = body.advance(200)
-    n, t = -later.grips[1, 0], later.grips[1, 2]
+    forces = np.array([a.grips[0, 0] for a in accounts])
+    assert forces.min() > 0.5 * normal
+    assert np.abs(np.diff(forces)).max() < 1e-2 * normal  # the beam bent by 1 % adds to its force along x
+    body.advance(100)  # it sticks for the first 50
+    later = body.advance(50)
     assert later.friction > 0.0
-    assert t == pytest.approx(0.2 * abs(n), rel=0.2)  # the normal is turned by up to 0.05 rad
+    along = body.positions[1] - body.positions[0]
+    slope = along[2] / along[0]
+    n, t = -later.grips[1, 0], later.grips[1, 2]
+    # both turned into the plane of contact: (t + n slope)/(n - t slope)
+    assert (t + n * slope) / (n - t * slope) == pytest.approx(0.2, rel=0.01)
+
+
+def test_a_splinter_meets_what_lies_in_its_way() -> None:
+    """Equal spheres, no friction, head on: the velocity passes to a sphere that never had a beam, when they touch.
+
+    The start and end of a contact fall within a step: the velocities err by the square of omega dt, here 0.04.
+    """
+    body = run(without(chain(3), np.array([False, True])), strengths(tensile=1.0), safety=0.05)
+    body.v[1, 0] = 1e5
+    body.u[2, 0] = gap = LENGTH
+    body.advance(2)
+    assert body.broken.bond.tolist() == [0]
+    before = kinetic_of(body)
+    start = body.v[1, 0]
+    body.advance(int(0.9 * gap / start / body.dt))
+    assert body.v[2, 0] == 0.0
+    body.advance(int(0.3 * gap / start / body.dt))
+    assert body.v[2, 0] == pytest.approx(start, rel=1e-3)
+    assert abs(body.v[1, 0]) < 1e-3 * start
+    assert kinetic_of(body) == pytest.approx(before, rel=2e-3)
+
+
+def kinetic_of(body: Breaking) -> float:
+    return float(0.5 * np.sum(body.v**2 / np.repeat(body.lattice.inverse, 3, axis=1)))
+
+
+@dataclass(frozen=True)
+class Plates:
+    """Two small flat plates of spheres and the encounters of a slide."""
+
+    lattice: Lattice
+    wheel_nodes: int
+    height: float
+    meet: Encounters
+    dt: float
+
+    def slide(self, breakage: Breakage, loosened: bool = False) -> tuple[Breaking, list[Account]]:
+        """Squeeze by 4 um, rest, slide by 0.1 mm in 5000 steps; the faces may be made loose half way down."""
+        body = Breaking(
+            self.lattice, breakage, dt=self.dt, contact_modulus=CONTACT, micro_friction=0.1,
+            encounters=self.meet, wheel_nodes=self.wheel_nodes,
+        )  # fmt: skip
+        body.drive[2] = self.height
+        down = (0.0, 0.0, -0.004 / (2000 * self.dt))
+        accounts = [body.advance(1000, down, damping=6e6)]
+        if loosened:
+            body.loosen(np.unique(self.meet.pair))
+        accounts += [body.advance(1000, down, damping=6e6), body.advance(1000, damping=6e6)]
+        speed = (0.1 / (5000 * self.dt), 0.0, 0.0)
+        return body, accounts + [body.advance(250, speed, damping=5e5) for _ in range(20)]
+
+
+@pytest.fixture(scope="module")
+def plates() -> Plates:
+    parts = [
+        build(pack(np.random.default_rng(seed), spheres=spheres, size=size, thickness=0.2), Material(), BEAMS, cube=1.0)
+        for seed, spheres, size in [(1, 150, (0.4, 0.3)), (2, 300, (0.8, 0.3))]
+    ]
+    wheel, axle = turned_over(parts[0], 0.4), parts[1]
+    lattice = join(wheel, axle)
+    faces = Faces(lattice, wheel.nodes)
+    height = faces.first_touch()
+    meet = faces.encounters((height - 0.005, height + 0.001), 0.1, 0.004, Material(), 1.0, 0.8)
+    return Plates(lattice, wheel.nodes, height, meet, 0.8 * critical_time_step(lattice, meet))
+
+
+def test_plates_that_do_not_break_slide_as_the_linear_ones(plates: Plates) -> None:
+    """Forces within 1 % of `march` (what the rotations are worth), with the encounters or as loose spheres alike."""
+    lattice, meet = plates.lattice, plates.meet
+    u, v, f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
+    drive, history = np.array([0.0, 0.0, plates.height]), meet.at_rest()
+    window, live = np.zeros(2, np.int64), np.zeros(len(meet.pair), np.int64)
+    forces = []
+    down = (1000, (0.0, 0.0, -0.004 / 2000), 6e6)
+    stages = [down, down, (1000, (0.0, 0.0, 0.0), 6e6)]
+    for steps, step, damping in [*stages, *[(250, (0.1 / 5000, 0.0, 0.0), 5e5)] * 20]:
+        total = np.zeros(7)
+        kernels.march(
+            u, v, f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist,
+            lattice.inverse, plates.dt, damping, meet.first, meet.last, meet.pair, meet.apart, meet.law, history, 0.1,
+            window, live, drive, np.array(step) / plates.dt, 0.0, 0.0, steps, total,
+        )  # fmt: skip
+        forces.append(total[:3] / steps)
+    linear = np.array(forces)
+    assert linear[-20:, 2].min() > 5.0
+    known = np.array([a.force for a in plates.slide(strengths())[1]])
+    assert np.abs(known - linear).max() < 0.01 * np.abs(linear).max()
+    found = np.array([a.force for a in plates.slide(strengths(), loosened=True)[1]])
+    assert np.abs(found - known).max() < 1e-6 * np.abs(linear).max()
+
+
+def test_plates_that_break_account_for_their_energy(plates: Plates) -> None:
+    """Hundreds of beams break, pieces rub between the plates: the imbalance stays below 1 % of the work."""
+    body, accounts = plates.slide(strengths(20e3, 20e3))
+    assert len(body.broken.bond) > 100
+    assert body.broken.slide.min() >= 0.0
+    assert np.all(np.diff(body.broken.time) >= 0.0)
+    work, lost = sum(a.work for a in accounts), sum(a.lost for a in accounts)
+    assert lost + accounts[-1].stored == pytest.approx(work, rel=0.01)
+    assert sum(a.released for a in accounts) > 0.05 * work
+    assert body.positions[: plates.wheel_nodes, 0].mean() > 0.05  # the debris is still between the plates

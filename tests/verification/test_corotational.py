@@ -1,4 +1,4 @@
-"""The co-rotational beam: the gradient of its energy, balanced, free of force when turned, `beam` when turned little."""
+"""The co-rotational beam: gradient of its energy, balanced, free of force when turned, `beam` when turned little."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_torsion_and_uniform_bending() -> None:
 
 
 def test_cantilever() -> None:
-    """Deflection F l^3/(3 EI) and rotation F l^2/(2 EI) of the end carry F and no moment, to the square of the angle."""
+    """Deflection F l^3/(3 EI), rotation F l^2/(2 EI) of the end carry F and no moment, to the square of the angle."""
     side = np.cross(ACROSS, AXIS)
     error = []
     for angle in (1e-2, 1e-3):
@@ -177,7 +177,7 @@ def test_spinning_block(block: Lattice) -> None:
     arm = block.centres - block.masses @ block.centres / block.masses.sum()
     axis = np.linalg.eigh(np.einsum("n,na,nb->ab", block.masses, arm, arm))[1][:, 0]  # the stiffest to spin about
     spin = 2.0 / (4000 * dt) * axis
-    body.v[:, :3] = np.cross(spin, arm) + [500.0, 0.0, 0.0]
+    body.v[:, :3] = np.cross(spin, arm) + np.array([500.0, 0.0, 0.0])
     body.v[:, 3:] = spin
     linear, angular = momenta(body)
     first = body.advance(1).stored
