@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 from .body import Body, CondensedBody, compile_form
 from .condensed import Condensed
+from .files import cache_folder
 from .friction import BuildContext, FrictionField, build
 from .parallel import SharedAsk, raise_together
 from .press import TILE, Engine, tiles
@@ -58,6 +59,7 @@ def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBod
         tile_size=TILE,
         youngs_modulus=material.youngs_modulus,
         poisson_ratio=material.poisson_ratio,
+        cache_dir=cache_folder(),
     )
     name = scene.friction.provider
     with raise_together(comm):

@@ -38,6 +38,15 @@ def replacing(path: Path) -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
+def cache_folder() -> str | None:
+    """MACROFIT_CACHE, or macrofit in the user's cache folder (XDG_CACHE_HOME, ~/.cache); None without a home."""
+    own = os.environ.get("MACROFIT_CACHE")
+    if own:
+        return own
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return None if base.startswith("~") else os.path.join(base, "macrofit")
+
+
 def append_whole(descriptor: int, data: bytes) -> None:
     """Write at the end of an open file either all of ``data`` or, where that fails (OSError), nothing."""
     end = os.lseek(descriptor, 0, os.SEEK_END)

@@ -130,7 +130,7 @@ class Breaking:
         n, bonds = lattice.nodes, len(lattice.cols)
         self.lattice, self.wheel_nodes, self.micro_friction = lattice, wheel_nodes, micro_friction
         self.contact_modulus, self.tangential_ratio = contact_modulus, tangential_ratio
-        self.dt, self.steps, self.drive = dt, 0, np.zeros(3)
+        self.dt, self.steps, self.drive, self.speed = dt, 0, np.zeros(3), np.zeros(3)
         self.u, self.v, self.f = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
         self.q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         self.grip = np.zeros(n, np.int64) if grip is None else grip.astype(np.int64)
@@ -142,7 +142,7 @@ class Breaking:
         self.encounters, self.history = encounters, encounters.at_rest()
         self.meet(encounters)
         self._near, self._near_history, self._within, self._room = NOBODY, NOBODY.at_rest(), 0, np.inf
-        self._carry = np.zeros(6)
+        self._carry = np.zeros(5)
         self._key = lattice.first * n + lattice.cols
         self._by_key = np.argsort(self._key, kind="stable")
         self._broken, self._released = np.empty(bonds, np.int64), np.empty(bonds)
@@ -198,7 +198,7 @@ class Breaking:
         *,
         damping: float = 0.0,
         target: float = 0.0,
-        compliance: float = 0.0,
+        carriage: Sequence[float] = (1.0, 0.0),
     ) -> Account:
         """Take some leapfrog steps while the wheel is carried at `speed` [mm/s]; see `kernels.march`.
 
@@ -206,14 +206,15 @@ class Breaking:
             steps: How many, at least one.
             speed: Of the wheel (3) [mm/s].
             damping: c of the force -c m v [1/s].
-            target: Normal force to be held [N], or 0 for a prescribed height.
-            compliance: dz/dt = compliance (N - target) [mm/(N s)].
+            target: Load under which the wheel falls freely [N], or 0 for the vertical speed prescribed.
+            carriage: Its mass [t] and damping [N s/mm], where there is a target.
 
         Raises:
             StabilityError: the motion is not finite.
         """
         lattice, meet = self.lattice, self.encounters
-        total, pace, left = np.zeros(10), np.array(speed, dtype=np.float64), steps
+        total, left, falling = np.zeros(10), steps, np.array(carriage, dtype=np.float64)
+        self.speed[: 2 if target > 0.0 else 3] = speed[: 2 if target > 0.0 else 3]
         reaction = np.zeros((self.grip.max(initial=0), 6))
         while left > 0:
             near = self._near
@@ -223,7 +224,7 @@ class Breaking:
                 meet.first, meet.last, meet.pair, meet.apart, meet.law, self.history, self.micro_friction,
                 self._window, self._live, self.loose,
                 near.pair, near.apart, near.law, self._near_history, np.arange(len(near.pair)), self._within,
-                self._room, self.drive, pace, target, compliance, left, reaction,
+                self._room, self.drive, self.speed, target, falling, left, reaction,
                 self._broken, self._released, self._carry, total,
             )  # fmt: skip
             left -= done

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TypeAlias
@@ -130,7 +131,7 @@ def read_calibration(text: str, source: str = "calibration") -> Calibration:
         raise OutputError(f"{source}: not a calibration: {error}; run macrofit-meso calibrate again") from None
 
 
-def steel() -> Calibration:
+def stored_calibration() -> Calibration:
     """The calibration that comes with the package: Poisson ratio 0.3, boxes of 2000 spheres."""
     name = "calibrations/steel.toml"
     return read_calibration((resources.files("meso") / name).read_text(encoding="utf-8"), f"meso/{name}")
@@ -142,13 +143,18 @@ def beams_for(material: Material) -> Beams:
     Raises:
         SettingsError: the material's Poisson ratio is not the stored one.
     """
-    stored = steel()
+    stored = stored_calibration()
     if material.poisson_ratio != stored.poisson_ratio:
         raise SettingsError(
             f"material: no beams are stored for poisson_ratio = {material.poisson_ratio:g}, only for "
             f"{stored.poisson_ratio:g}: run macrofit-meso calibrate and give the beams it finds"
         )
     return stored.beams(material.youngs_modulus)
+
+
+def steel() -> Beams:
+    """The beams that stand for steel, `Material()`."""
+    return beams_for(Material())
 
 
 def tensile_test(packing: Packing, beams: Beams, *, axes: Sequence[int] = (0, 1, 2)) -> TensileTest:
@@ -176,7 +182,10 @@ def tensile_test(packing: Packing, beams: Beams, *, axes: Sequence[int] = (0, 1,
         u = _solve(K, fixed.ravel(), u.ravel()).reshape(-1, 6)
         force = (K @ u.ravel()).reshape(-1, 6)[far, axis].sum()
         results.append(_measured(packing, axis, u, force))
-    return _mean(results)
+    return TensileTest(
+        youngs_modulus=float(np.mean([test.youngs_modulus for test in results])),
+        poisson_ratio=float(np.mean([test.poisson_ratio for test in results])),
+    )
 
 
 def dynamic_tensile_test(
@@ -211,6 +220,21 @@ def dynamic_tensile_test(
     return _measured(packing, axis, u, -f[far, axis].sum())
 
 
+def middle_strain(packing: Packing, u: FloatArray, axis: int) -> FloatArray:
+    """Normal strains along x, y, z, shape (3,), in the middle half along an axis: slopes of the fit u = a + B x.
+
+    Args:
+        packing: a flat box.
+        u: displacements of its spheres, shape (n, 6), of which the first three columns are read [mm].
+        axis: 0 to 2.
+    """
+    place = packing.centres - 0.5 * _edges(packing)
+    middle = np.abs(place[:, axis]) < 0.5 * SECTION * _edges(packing)[axis]
+    terms = np.column_stack([np.ones(middle.sum()), place[middle]])
+    slopes = np.linalg.lstsq(terms, u[middle, :3], rcond=None)[0][1:]
+    return np.diag(slopes).copy()
+
+
 def calibrate(
     material: Material | None = None,
     *,
@@ -238,12 +262,14 @@ def calibrate(
     if packings < 1:
         raise SettingsError(f"packings = {packings}: take at least 1, better 10")
     boxes = sample("calibration", seed, spheres=spheres, packings=packings, box=box)
-    tests: dict[float, FloatArray] = {}
+
+    @cache
+    def found(ratio: float) -> Scatter:
+        beams = Beams(youngs_modulus=material.youngs_modulus, radius_ratio=ratio, poisson_ratio=poisson_ratio)
+        return _scatter(spheres, [tensile_test(packing, beams) for packing in boxes])
 
     def excess(ratio: float) -> float:
-        beams = Beams(youngs_modulus=material.youngs_modulus, radius_ratio=ratio, poisson_ratio=poisson_ratio)
-        tests[ratio] = _table([tensile_test(packing, beams) for packing in boxes])
-        return float(tests[ratio][:, 1].mean()) - material.poisson_ratio
+        return found(ratio).poisson_ratio - material.poisson_ratio
 
     low, high = (excess(ratio) for ratio in BRACKET)
     if not low >= 0.0 >= high:
@@ -252,19 +278,18 @@ def calibrate(
             f"{high + material.poisson_ratio:.3f} to {low + material.poisson_ratio:.3f}"
         )
     ratio = float(brentq(excess, *BRACKET, xtol=1e-4, rtol=1e-6))
-    residual = abs(excess(ratio))
-    found = _scatter(spheres, tests[ratio])
+    at_root = found(ratio)
     return Calibration(
         poisson_ratio=material.poisson_ratio,
         radius_ratio=ratio,
-        stiffening=material.youngs_modulus / found.youngs_modulus,
+        stiffening=material.youngs_modulus / at_root.youngs_modulus,
         beams_poisson_ratio=poisson_ratio,
         spheres=spheres,
         box=box,
         packings=packings,
-        modulus_scatter=found.modulus_scatter,
-        poisson_scatter=found.poisson_scatter,
-        residual=residual,
+        modulus_scatter=at_root.modulus_scatter,
+        poisson_scatter=at_root.poisson_scatter,
+        residual=abs(excess(ratio)),
     )
 
 
@@ -279,7 +304,7 @@ def scatter(beams: Beams, *, spheres: Sequence[int], packings: int, seed: int = 
     rows = []
     for count in spheres:
         boxes = sample("scatter", seed, spheres=count, packings=packings)
-        rows.append(_scatter(count, _table([tensile_test(packing, beams) for packing in boxes])))
+        rows.append(_scatter(count, [tensile_test(packing, beams) for packing in boxes]))
     return rows
 
 
@@ -322,38 +347,23 @@ def _solve(K: object, fixed: BoolArray, u: FloatArray) -> FloatArray:
 
 
 def _measured(packing: Packing, axis: int, u: FloatArray, force: float) -> TensileTest:
-    """Modulus and Poisson ratio from the displacements u (n, 6) [mm] and the force [N] on the far end."""
-    edges = _edges(packing)
-    place = packing.centres / edges - 0.5
-    middle = np.abs(place[:, axis]) < 0.5 * SECTION
-    terms = np.column_stack([np.ones(middle.sum()), place[middle] * edges])
-    slopes = np.linalg.lstsq(terms, u[middle, :3], rcond=None)[0][1:]
-    strain = np.diag(slopes)
-    area = edges.prod() / edges[axis]
+    """From the displacements u (n, 6) [mm] and the force [N] on the far end."""
+    strain, edges = middle_strain(packing, u, axis), _edges(packing)
     lateral = 0.5 * (strain.sum() - strain[axis])
-    return TensileTest(youngs_modulus=float(force / area / strain[axis]), poisson_ratio=float(-lateral / strain[axis]))
+    stress = force * edges[axis] / edges.prod()
+    return TensileTest(youngs_modulus=float(stress / strain[axis]), poisson_ratio=float(-lateral / strain[axis]))
 
 
-def _table(tests: Sequence[TensileTest]) -> FloatArray:
-    """Columns E_M [MPa] and nu_M [-]."""
-    return np.array([(test.youngs_modulus, test.poisson_ratio) for test in tests])
-
-
-def _mean(tests: Sequence[TensileTest]) -> TensileTest:
-    modulus, poisson = _table(tests).mean(axis=0)
-    return TensileTest(youngs_modulus=float(modulus), poisson_ratio=float(poisson))
-
-
-def _scatter(spheres: int, table: FloatArray) -> Scatter:
-    mean = table.mean(axis=0)
-    deviation = table.std(axis=0, ddof=1) if len(table) > 1 else np.zeros(2)
+def _scatter(spheres: int, tests: Sequence[TensileTest]) -> Scatter:
+    modulus, poisson = np.array([(test.youngs_modulus, test.poisson_ratio) for test in tests]).T
+    freedom = 1 if len(tests) > 1 else 0
     return Scatter(
         spheres=spheres,
-        packings=len(table),
-        youngs_modulus=float(mean[0]),
-        modulus_scatter=float(deviation[0] / mean[0]),
-        poisson_ratio=float(mean[1]),
-        poisson_scatter=float(deviation[1]),
+        packings=len(tests),
+        youngs_modulus=float(modulus.mean()),
+        modulus_scatter=float(modulus.std(ddof=freedom) / modulus.mean()),
+        poisson_ratio=float(poisson.mean()),
+        poisson_scatter=float(poisson.std(ddof=freedom)),
     )
 
 

@@ -32,8 +32,8 @@ REST_S = 2e-6
 """Time to come to rest after the squeeze [s]."""
 START = 0.02
 """Part of the slide over which the speed is built up [-]."""
-SERVO_STEPS = 150.0
-"""Time constant of the carriage at constant normal force, in time steps: slow beside the waves in the plates."""
+CARRIAGE_DAMPING = 0.1
+"""Of the carriage at constant normal force, over the critical one [-]: more would work against climbing spheres."""
 
 
 def critical_time_step(lattice: Lattice, encounters: Encounters | None = None) -> float:
@@ -107,6 +107,7 @@ class _Run:
         lattice = self.plates.lattice
         self.u, self.v, self.f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
         self.drive = np.array([0.0, 0.0, self.plates.first_touch])
+        self.speed = np.zeros(3)
         self.steps = 0
         self.kinetic = 0.0
         self._meet(engine.encounters)
@@ -145,16 +146,21 @@ class _Run:
             cpu_s=time.process_time() - started,
         )
 
-    def advance(self, steps: int, speed: tuple[float, float], damping: float, target: float = 0.0) -> FloatArray:
-        """March; returns the sums of `kernels.march`: the force on the wheel as a mean over the steps [N]."""
+    def advance(
+        self, steps: int, speed: tuple[float, float], damping: float, target: float = 0.0, ratio: float = 1.0
+    ) -> FloatArray:
+        """March; with a target the height falls freely under it. Returns the sums of `kernels.march`: the force on the wheel as a mean over the steps [N]."""
         lattice = self.plates.lattice
         total = np.zeros(7)
+        self.speed[0], self.speed[1] = speed[0], 0.0
+        if target == 0.0:
+            self.speed[2] = speed[1]
         kernels.march(
             self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
             lattice.twist, lattice.inverse, self.dt, damping,
             self.encounters.first, self.encounters.last, self.encounters.pair, self.encounters.apart,
             self.encounters.law, self.history, self.micro_friction, self.window, self.live,
-            self.drive, np.array([speed[0], 0.0, speed[1]]), target, self._servo(), steps, total,
+            self.drive, self.speed, target, self._carriage(ratio), steps, total,
         )  # fmt: skip
         self.steps += steps
         self.kinetic = 0.5 * total[6]
@@ -166,11 +172,12 @@ class _Run:
         self._widen()
         return total
 
-    def _servo(self) -> float:
-        """Speed of the carriage per newton that N exceeds its target [mm/(N s)]: overdamped against the contact."""
-        modulus = self.settings.material.youngs_modulus
-        stiffness = modulus * self.plates.area / (2.0 * self.settings.plates.cube)
-        return 1.0 / (stiffness * SERVO_STEPS * self.dt)
+    def _carriage(self, ratio: float) -> FloatArray:
+        """Mass [t] and damping [N s/mm] of the carriage at constant force: the wheel's share of the solid cube."""
+        material, keys = self.settings.material, self.settings.plates
+        mass = material.density * self.plates.area * keys.cube
+        stiffness = material.youngs_modulus * self.plates.area / (2.0 * keys.cube)
+        return np.array([mass, 2.0 * ratio * np.sqrt(stiffness * mass)])
 
     def _squeeze(self) -> Curve:
         keys, touch = self.settings.engine, self.plates.first_touch
@@ -188,8 +195,12 @@ class _Run:
             while press(CHUNK, -speed)[2] < 0.95 * target:
                 if touch - self.drive[2] > slowest + 4.0 * self.plates.likely_approach():
                     raise StabilityError("the plates do not carry the pressure asked for: take a smaller load.pressure")
-            press(rest, 0.0, target)
-            press(rest, 0.0, target if self.settings.load.control == "force" else 0.0)
+            approached, carried = np.array(rows[-4:])[:, :2].T
+            settled = press(rest, 0.0)[2]
+            missing = (target - settled) * np.ptp(approached) / np.ptp(carried)  # by the stiffness just seen
+            press(4 * CHUNK, -missing / (4 * CHUNK * self.dt))
+            press(rest // 2, 0.0)
+            press(CHUNK, 0.0)
         else:
             approach = self.plates.likely_approach()
             steps = max(1, round(approach / speed / self.dt))
@@ -207,7 +218,7 @@ class _Run:
             speed = keys.speed * min(1.0, (end / (START * slide)) ** 0.5)
             steps = max(1, round((end - self.drive[0]) / speed / self.dt))
             speed = (end - self.drive[0]) / (steps * self.dt)
-            sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target)
+            sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target, CARRIAGE_DAMPING)
             total[3:6] += sums[3:6]
             rows.append((end, sums[2], -sums[0], self.drive[2]))
         return _curve(np.array(rows), 0.0), total

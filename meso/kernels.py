@@ -220,12 +220,12 @@ def move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damp
 def march(
     u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping,
     first, last, pair, apart, law, history, micro_friction, window, live,
-    drive, speed, target, compliance, steps, total,
+    drive, speed, target, carriage, steps, total,
 ):  # fmt: skip
     """`steps` leapfrog steps of both plates while the wheel is carried along; returns the number of live encounters.
 
-    drive (3,): where the wheel is [mm], moved in place by speed (3,) [mm/s]; with target > 0 its height follows the
-    normal force instead, dz/dt = compliance (N - target). Encounters are sorted by `first`, the slide at which they
+    drive (3,): where the wheel is [mm], moved in place by speed (3,) [mm/s]. With target > 0 [N] the carriage falls
+    freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Encounters are sorted by `first`, the slide at which they
     may begin; window (2,) holds the next one to begin and the number alive, `live` their numbers.
     total (7,): sums over the steps of the force on the wheel (3) [N], work lost in friction, in damping, work done
     by the drive [N mm], and at its end twice the kinetic energy of the last step [N mm].
@@ -250,15 +250,13 @@ def march(
         contact_forces(
             u, f, live[: window[1]], pair, apart, law, history, micro_friction, drive[0], drive[1], drive[2], sums
         )
-        vz = speed[2]
         if target > 0.0:
-            vz = compliance * (sums[2] - target)
-            drive[2] += dt * vz
+            speed[2] += dt * (sums[2] - target - carriage[1] * speed[2]) / carriage[0]
         total[0] += sums[0]
         total[1] += sums[1]
         total[2] += sums[2]
         total[3] += sums[3]
-        total[5] -= dt * (sums[0] * speed[0] + sums[1] * speed[1] + sums[2] * vz)
+        total[5] -= dt * (sums[0] * speed[0] + sums[1] * speed[1] + sums[2] * speed[2])
         twice_kinetic = move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping)
         total[4] += dt * damping * twice_kinetic
         total[6] = twice_kinetic
@@ -851,7 +849,7 @@ def march_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
     first, last, pair, apart, law, history, micro_friction, window, live,
     loose, near_pair, near_apart, near_law, near_history, near_live, within, room,
-    drive, speed, target, compliance, steps, reaction, broken, released, carry, total,
+    drive, speed, target, carriage, steps, reaction, broken, released, carry, total,
 ):  # fmt: skip
     """As `march`, co-rotational and with breakage.
 
@@ -860,8 +858,8 @@ def march_large(
     caller can renew the pairs near loose spheres. Encounters of loose spheres are left to those pairs.
     total (10,): as in `march`, with the grips' work in that of the drive and the sum of m v-.v+ as twice the kinetic
     energy; then, after the last step, the elastic energy of beams and faces and that of contacts, and the sum of the
-    energy released [N mm]. carry (6,): force on the wheel in the last step (3), the rise of the drive since, and what
-    damping took and the grips gave in the half step since: the works are trapezoids, the account is of second order.
+    energy released [N mm]. carry (5,): force on the wheel in the last step (3), and what damping took and the grips
+    gave in the half step since: the works are trapezoids, the account is of second order.
     """
     sums = np.zeros(4)
     moved = np.zeros(6)
@@ -904,15 +902,12 @@ def march_large(
                 )
                 + contact_energy(u, live[: window[1]], pair, apart, law, history, drive[0], drive[1], drive[2])
             )
-        total[5] += carry[5] - 0.5 * (
-            (carry[0] + sums[0]) * dt * speed[0]
-            + (carry[1] + sums[1]) * dt * speed[1]
-            + (carry[2] + sums[2]) * (dt * speed[2] + carry[3])
-        )
-        carry[0], carry[1], carry[2], carry[3] = sums[0], sums[1], sums[2], 0.0
+        total[5] += carry[4]
+        for a in range(3):
+            total[5] -= 0.5 * dt * (carry[a] + sums[a]) * speed[a]
+        carry[0], carry[1], carry[2] = sums[0], sums[1], sums[2]
         if target > 0.0:
-            carry[3] = dt * compliance * (sums[2] - target)
-            drive[2] += carry[3]
+            speed[2] += dt * (sums[2] - target - carriage[1] * speed[2]) / carriage[0]
         total[0] += sums[0]
         total[1] += sums[1]
         total[2] += sums[2]
@@ -921,13 +916,13 @@ def march_large(
             u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
             reaction, broken, released, moved,
         )  # fmt: skip
-        total[4] += carry[4] + moved[1]
+        total[4] += carry[3] + moved[1]
         total[5] += moved[3]
-        carry[4], carry[5] = moved[2], moved[3]
+        carry[3], carry[4] = moved[2], moved[3]
         total[6] = moved[0]
         for k in range(count):
             total[9] += released[k]
         path = abs(speed[0]) + abs(speed[1]) + abs(speed[2])
-        room -= dt * (2.0 * moved[5] + path) + abs(carry[3])
+        room -= dt * (2.0 * moved[5] + path)
     total[7] = faces + moved[4]
     return done, count, room

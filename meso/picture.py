@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+SampleArray: TypeAlias = npt.NDArray[np.float32]
+IndexArray: TypeAlias = npt.NDArray[np.int32]
 
 LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 """Direction the light comes from, in the frame of the picture: right, up, towards the viewer."""
@@ -58,7 +60,7 @@ def draw(
     shape = (SAMPLES * int(np.ceil((high[1] - low[1]) * scale / SAMPLES)), SAMPLES * width)
     depth, owner = _buffers((place - [*low, 0.0]) * scale, radii * scale, shape)
     image = _shaded(depth, owner, (place - [*low, 0.0]) * scale, radii * scale, colours)
-    image = image.reshape(shape[0] // SAMPLES, SAMPLES, width, SAMPLES, 4).mean(axis=(1, 3))
+    image = sum(image[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)) / SAMPLES**2
     image[..., :3] /= np.maximum(image[..., 3:], 1e-9)  # what is half background keeps its colour
     top = low[1] + shape[0] / scale
     return np.rint(255.0 * image[::-1]).astype(np.uint8), (float(low[0]), float(high[0]), float(low[1]), float(top))
@@ -72,41 +74,47 @@ def outside(view: View, centres: FloatArray, radii: FloatArray) -> npt.NDArray[n
     return near
 
 
-def _buffers(place: FloatArray, radii: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+def _buffers(place: FloatArray, radii: FloatArray, shape: tuple[int, int]) -> tuple[SampleArray, IndexArray]:
     """Depth of what is seen at each sample (-inf: nothing) and the number of its sphere (-1); lengths in samples."""
-    depth = np.full(shape, -np.inf)
-    owner = np.full(shape, -1)
+    depth = np.full(shape, -np.inf, dtype=np.float32)
+    owner = np.full(shape, -1, dtype=np.int32)
+    place, radii = place.astype(np.float32), radii.astype(np.float32)
     first = np.maximum(np.floor(place[:, :2] - radii[:, None]).astype(int), 0)
     last = np.minimum(np.ceil(place[:, :2] + radii[:, None]).astype(int) + 1, [shape[1], shape[0]])
-    for k in range(len(radii)):
-        (i, j), (m, n) = first[k], last[k]
-        x, y = np.arange(i, m) + 0.5 - place[k, 0], np.arange(j, n) + 0.5 - place[k, 1]
-        bulge = np.sqrt(np.maximum(radii[k] ** 2 - x[None, :] ** 2 - y[:, None] ** 2, 0.0))
-        here = np.where(bulge > 0.0, place[k, 2] + bulge, -np.inf)
+    across, up = (np.arange(count, dtype=np.float32) + np.float32(0.5) for count in (shape[1], shape[0]))
+    for k, ((i, j), (m, n)) in enumerate(zip(first, last, strict=True)):
+        x, y = across[i:m] - place[k, 0], up[j:n] - place[k, 1]
+        bulge = (radii[k] ** 2 - x**2)[None, :] - (y**2)[:, None]
+        here = np.where(bulge > 0.0, place[k, 2] + np.sqrt(np.maximum(bulge, 0.0)), -np.inf)
         patch = (slice(j, n), slice(i, m))
         nearer = here > depth[patch]
-        depth[patch][nearer] = here[nearer]
-        owner[patch][nearer] = k
+        np.copyto(depth[patch], here, where=nearer)
+        np.copyto(owner[patch], k, where=nearer)
     return depth, owner
 
 
 def _shaded(
-    depth: FloatArray, owner: npt.NDArray[np.int64], place: FloatArray, radii: FloatArray, colours: FloatArray
-) -> FloatArray:
+    depth: SampleArray, owner: IndexArray, place: FloatArray, radii: FloatArray, colours: FloatArray
+) -> SampleArray:
     """Colour times opacity, and opacity, at each sample: matt light, and darker where neighbours are in front."""
     from scipy.ndimage import uniform_filter
 
     rows, columns = np.nonzero(owner >= 0)
     k = owner[rows, columns]
     seen = depth[rows, columns]
-    samples = np.stack([columns + 0.5, rows + 0.5, seen], axis=1)
-    light = np.maximum((samples - place[k]) @ LIGHT / radii[k], 0.0)
+    # (sample - centre) . light / radius, without a table of samples
+    centre, inverse = (place @ LIGHT).astype(np.float32)[k], (1.0 / radii).astype(np.float32)[k]
+    right, up, near = LIGHT.astype(np.float32)
+    light = (right * columns.astype(np.float32) + up * rows.astype(np.float32) + near * seen - centre) * inverse
+    light = np.maximum(light, np.float32(0.0))
     size = 2 * int(1.5 * radii.mean()) + 1
     filled = np.where(owner >= 0, depth, seen.min())
     # what lies deeper than its surroundings gets less light (Luft, Colditz, Deussen 2006, doi 10.1145/1141911.1142016)
-    pit = (uniform_filter(filled, size)[rows, columns] - seen) / (2.0 * radii.mean())
-    shade = (0.34 + 0.70 * light) * (1.0 - 0.55 * np.clip(pit, 0.0, 1.0))
-    image = np.zeros((*depth.shape, 4))
-    image[rows, columns, :3] = np.clip(colours[k] * shade[:, None] + 0.16 * (light**24)[:, None], 0.0, 1.0)
+    pit = (uniform_filter(filled, size)[rows, columns] - seen) * np.float32(0.5 / radii.mean())
+    shade = (0.36 + 0.72 * light) * (1.0 - 0.55 * np.clip(pit, 0.0, 1.0))
+    glint = light * light
+    glint = 0.16 * (glint * glint * glint) ** 4
+    image = np.zeros((*depth.shape, 4), dtype=np.float32)
+    image[rows, columns, :3] = np.minimum(colours.astype(np.float32)[k] * shade[:, None] + glint[:, None], 1.0)
     image[rows, columns, 3] = 1.0
     return image

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,10 +24,11 @@ from .settings import Settings, SurfaceKeys
 from .surface import Surface, diamond_square, generator, self_affine
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+Body: TypeAlias = Literal["wheel", "axle"]
 
 
-def rough_face(keys: SurfaceKeys, body: str, seed: int, size: tuple[float, float]) -> Surface:
-    """The surface of this seed on the plate of a body ("wheel" or "axle"), `size` mm."""
+def rough_face(keys: SurfaceKeys, body: Body, seed: int, size: tuple[float, float]) -> Surface:
+    """The surface of this seed on the plate of a body, `size` mm."""
     rng = generator(f"surface of the {body}", seed)
     if keys.generator == "diamond_square":
         return diamond_square(
@@ -116,32 +117,42 @@ def make_plates(settings: Settings) -> Plates:
     Raises:
         SettingsError, SurfaceError, PackingError: what cannot be built, and what to try.
     """
+    return face_to_face(settings, make_plate(settings, "wheel"), make_plate(settings, "axle"))
+
+
+def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
+    """One plate, its lattice where it belongs: the wheel's turned over. The other body's seed has no part in it.
+
+    Raises:
+        SettingsError, SurfaceError, PackingError: as `make_plates`.
+    """
     keys, edge, slide = settings.plates, settings.plates.edge, settings.load.slide
-    sizes = {"wheel": (edge, edge), "axle": (edge + slide, edge)}
-    seeds = {"wheel": settings.surface.wheel_seed, "axle": settings.surface.axle_seed}
-    whole = sizes["wheel"][0] + sizes["axle"][0]
-    packings = {}
-    for number, (body, size) in enumerate(sizes.items()):
-        spheres = max(1, round(keys.spheres * size[0] / whole))
-        flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
-        packings[body] = morph(flat, rough_face(settings.surface, body, seeds[body], size))
-    beams = beams_for(settings.material)
-    lattices = {
-        body: build(
-            packing,
-            settings.material,
-            beams,
-            cube=keys.cube,
-            external_face=keys.external_face,
-            external_modulus=keys.external_modulus,
-        )
-        for body, packing in packings.items()
-    }
+    number, length, seed = {
+        "wheel": (0, edge, settings.surface.wheel_seed),
+        "axle": (1, edge + slide, settings.surface.axle_seed),
+    }[body]
+    size = (length, edge)
+    spheres = max(1, round(keys.spheres * length / (edge + (edge + slide))))
+    flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+    packing = morph(flat, rough_face(settings.surface, body, seed, size))
+    lattice = build(
+        packing,
+        settings.material,
+        beams_for(settings.material),
+        cube=keys.cube,
+        external_face=keys.external_face,
+        external_modulus=keys.external_modulus,
+    )
+    return packing, turned_over(lattice, 2.0 * keys.thickness) if body == "wheel" else lattice
+
+
+def face_to_face(settings: Settings, wheel: tuple[Packing, Lattice], axle: tuple[Packing, Lattice]) -> Plates:
+    """The plates of a friction test from two that `make_plate` made; each may serve in many."""
     return Plates(
         settings=settings,
-        wheel_packing=packings["wheel"],
-        axle_packing=packings["axle"],
-        beams=beams,
-        wheel=turned_over(lattices["wheel"], 2.0 * keys.thickness),
-        axle=lattices["axle"],
+        wheel_packing=wheel[0],
+        axle_packing=axle[0],
+        beams=beams_for(settings.material),
+        wheel=wheel[1],
+        axle=axle[1],
     )

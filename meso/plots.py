@@ -1,0 +1,276 @@
+"""Figures for a report: the two rough faces, the two plates, their forces, and what the beams' parameters do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from .figure import BLUE, COLOURS, RED, plain, save, sheet
+from .picture import View, draw, outside
+from .roughness import measure
+from .surface import Surface
+
+if TYPE_CHECKING:
+    from .calibrate import Influence
+    from .plates import Plates
+    from .records import Curve, Slide
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+PIXELS = 420
+"""Points along 1 mm of a map."""
+STEEPNESS = 8.0
+"""Heights are multiplied by this for the shading of a map [-]."""
+
+
+def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], slides: Sequence[Slide]) -> list[Path]:
+    """Every figure of a run. Raises OutputError when one cannot be written."""
+    drawn = {
+        "surfaces.png": surfaces(plates.wheel_packing.surface, plates.axle_packing.surface, envelopes),
+        "plates.png": plates_seen(plates),
+        "forces.png": forces(slides),
+    }
+    return [save(figure, folder / name) for name, figure in drawn.items()]
+
+
+def surface(face: Surface, title: str) -> Any:
+    """One rough face as a map."""
+    length, width = face.size
+    figure = sheet(2.2 + 3.6 * length / width, 4.1)
+    axes = figure.subplots()
+    _maps(figure, [(axes, face)], "height [µm]")
+    axes.set_title(title, fontsize=10)
+    axes.set_xlabel("x, along the slide [mm]", fontsize=9)
+    axes.set_ylabel("y [mm]", fontsize=9)
+    return figure
+
+
+def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface]) -> Any:
+    """Both rough faces as maps, and below them the envelopes of the spheres that stand for them."""
+    ratio = axle.size[0] / wheel.size[0]
+    figure = sheet(9.2, 1.5 + 15.0 / (1.0 + ratio) * min(wheel.size[1] / wheel.size[0], 2.0))
+    axes = figure.subplots(2, 2, width_ratios=[1.0, ratio], sharex="col", sharey=True)
+    rows = [("wheel", wheel), ("axle", axle)], [(body, envelopes[body]) for body in ("wheel", "axle")]
+    for row, bodies, what in zip(axes, rows, ("surface", "envelope of its spheres"), strict=True):
+        _maps(figure, [(each, face) for each, (_, face) in zip(row, bodies, strict=True)], "height [µm]")
+        row[0].set_ylabel("y [mm]", fontsize=9)
+        for each, (body, face) in zip(row, bodies, strict=True):
+            each.set_title(f"{body}: {what}, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
+    for each in axes[1]:
+        each.set_xlabel("x, along the slide [mm]", fontsize=9)
+    return figure
+
+
+def _maps(figure: Any, maps: Iterable[tuple[Any, Surface]], label: str) -> None:
+    """Shaded maps in one scale of colours, with its bar."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LightSource, Normalize
+
+    maps = list(maps)
+    colours = colormaps["viridis"]
+    scale = Normalize(*(1e3 * f(f(face.heights) for _, face in maps) for f in (min_of, max_of)))
+    for axes, face in maps:
+        length, width = face.size
+        x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / max(width, 0.3 * length)))) for side in face.size)
+        heights = face.at(x[None, :], y[:, None])
+        rgb = colours(scale(1e3 * heights))[..., :3]
+        light = LightSource(azdeg=135, altdeg=50)
+        shade = light.hillshade(heights, vert_exag=STEEPNESS, dx=x[1], dy=-y[1])  # rows from below
+        axes.imshow(
+            np.clip(rgb * (0.45 + 0.75 * shade[..., None]), 0.0, 1.0),
+            extent=(0.0, length, 0.0, width), origin="lower", interpolation="nearest",
+        )  # fmt: skip
+        axes.tick_params(labelsize=8.5)
+    bar = figure.colorbar(ScalarMappable(scale, colours), ax=[axes for axes, _ in maps], pad=0.015, aspect=18)
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8.5)
+
+
+def min_of(values: Any) -> float:
+    """The smallest of an array, or of some numbers."""
+    return float(values.min()) if isinstance(values, np.ndarray) else min(values)
+
+
+def max_of(values: Any) -> float:
+    """The largest of an array, or of some numbers."""
+    return float(values.max()) if isinstance(values, np.ndarray) else max(values)
+
+
+def plates_seen(plates: Plates) -> Any:
+    """The two plates of spheres at their first touch, the wheel's on the axle's, seen obliquely."""
+    view = View()
+    lift = np.array([0.0, 0.0, plates.first_touch])
+    pieces = {"wheel": (plates.wheel, lift, RED), "axle": (plates.axle, np.zeros(3), BLUE)}
+    centres, radii, colours = [], [], []
+    for lattice, shift, colour in pieces.values():
+        shown = outside(view, lattice.centres, lattice.radii)
+        centres.append(lattice.centres[shown] + shift)
+        radii.append(lattice.radii[shown])
+        colours.append(_shades(colour, int(shown.sum())))
+    image, extent = draw(view, *(np.concatenate(each) for each in (centres, radii, colours)), width=1250)
+    figure = sheet(8.6, 8.6 * 1.12 * image.shape[0] / image.shape[1])
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(image, extent=extent, interpolation="antialiased")
+    axes.set_axis_off()
+    _label_plates(axes, view, plates, extent)
+    return figure
+
+
+def _shades(colour: str, count: int) -> FloatArray:
+    """A colour, a little lighter or darker from sphere to sphere, shape (count, 3)."""
+    from matplotlib.colors import to_rgb
+
+    tone = np.random.default_rng(0).uniform(0.80, 1.15, count)
+    return np.clip(np.array(to_rgb(colour)) * tone[:, None] + 0.04, 0.0, 1.0)
+
+
+def _label_plates(axes: Any, view: View, plates: Plates, extent: tuple[float, float, float, float]) -> None:
+    (length, width), thickness = plates.axle_packing.size, plates.settings.plates.thickness
+    edge = plates.settings.plates.edge
+    top = 2.0 * thickness + plates.first_touch
+    off = 0.09 * width
+    left, right, bottom, above = extent
+    room = 0.10 * (right - left)
+    axes.set_xlim(left - 0.3 * room, right + 0.3 * room)
+    axes.set_ylim(bottom - 0.75 * room, above + 0.25 * room)
+
+    def dimension(start: Sequence[float], end: Sequence[float], text: str, side: tuple[int, int]) -> None:
+        a, b = view.flat([start, end])
+        axes.annotate("", b, a, arrowprops={"arrowstyle": "<->", "lw": 0.9, "color": "0.25"})
+        axes.annotate(
+            text, 0.5 * (a + b), side, textcoords="offset points", ha="center", va="center", fontsize=10, color="0.25"
+        )
+
+    dimension((0.0, -off, 0.0), (length, -off, 0.0), f"{length:g} mm", (10, -10))
+    dimension((length + off, 0.0, 0.0), (length + off, width, 0.0), f"{width:g} mm", (20, -10))
+    for text, colour, place in (
+        ("wheel", RED, (0.5 * edge, 0.55 * width, top + 0.12 * width)),
+        ("axle", BLUE, (length - 0.28 * edge, 0.55 * width, thickness + 0.16 * width)),
+    ):
+        axes.text(*view.flat(place), text, fontsize=15, weight="bold", color=colour, ha="center", va="center")
+    a, b = view.flat([(edge + 0.08, 0.5 * width, top - 0.5 * thickness), (edge + 0.42, 0.5 * width, top - 0.5 * thickness)])
+    axes.annotate("", b, a, arrowprops={"arrowstyle": "-|>", "lw": 2.2, "color": "0.15", "mutation_scale": 18})
+    axes.annotate("slide", 0.5 * (a + b), (-4, 12), textcoords="offset points", ha="center", fontsize=11, color="0.15")
+
+
+def forces(slides: Sequence[Slide]) -> Any:
+    """Squeeze and slide: normal and tangential force, and below their ratio with its mean and the error of the mean."""
+    figure = sheet(8.2, 5.6)
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 3.4])
+    squeeze, slide = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
+    ratio, words = figure.add_subplot(grid[1, 1], sharex=slide), figure.add_subplot(grid[1, 0])
+    first = slides[0]
+    squeeze.plot(1e3 * first.squeeze.displacement, first.squeeze.normal, color="black", lw=1.5)
+    slide.plot(first.curve.displacement, first.curve.normal, color="black", lw=1.3, label="normal N")
+    many = len(slides) > 1
+    for each, colour in zip(slides, _colours(len(slides)), strict=True):
+        squeeze.plot(1e3 * each.squeeze.displacement, each.squeeze.tangential, color=colour, lw=1.2)
+        label = f"tangential T, micro {each.micro_friction:g}" if many else "tangential T"
+        slide.plot(each.curve.displacement, each.curve.tangential, color=colour, lw=1.2, label=label)
+        _ratio(ratio, each.curve, colour)
+    _scale_ratio(ratio, [each.curve for each in slides])
+    top = max(1.0, *(float(each.curve.normal.max()) for each in slides), float(first.squeeze.normal.max()))
+    low = min(0.0, *(float(each.curve.tangential.min()) for each in slides))
+    for axes in (squeeze, slide):
+        plain(axes)
+        axes.set_ylim(1.1 * low, 1.12 * top)
+        axes.margins(x=0.01)
+    plain(ratio)
+    slide.tick_params(labelbottom=False, labelleft=False)
+    squeeze.set_ylabel("force [N]")
+    squeeze.set_xlabel("approach [µm]")
+    squeeze.set_title("squeeze", fontsize=10)
+    slide.set_title(f"slide ({first.engine})", fontsize=10)
+    ratio.set_ylabel("T / N")
+    ratio.set_xlabel("displacement of the wheel [mm]")
+    words.set_axis_off()
+    handles, labels = slide.get_legend_handles_labels()
+    words.legend(handles, labels, loc="upper left", frameon=False, fontsize=9, handlelength=1.4, borderaxespad=0.0)
+    words.text(0.0, 0.0, _numbers(slides), transform=words.transAxes, fontsize=9, va="bottom", linespacing=1.5)
+    return figure
+
+
+def _numbers(slides: Sequence[Slide]) -> str:
+    lines = ["micro    meso"] if len(slides) > 1 else []
+    for each in slides[:6]:
+        meso = f"{each.curve.coefficient:.4f} ± {each.curve.uncertainty:.4f}"
+        lines.append(f"{each.micro_friction:<6g} {meso}" if len(slides) > 1 else f"micro  {each.micro_friction:g}\nmeso  {meso}")
+    if len(slides) > 6:
+        lines.append("…")
+    return "\n".join(lines)
+
+
+def _ratio(axes: Any, curve: Curve, colour: Any) -> None:
+    """T/N, the meso coefficient and the band of its standard error."""
+    axes.plot(curve.displacement, curve.friction, color=colour, lw=0.9, alpha=0.75)
+    mean, error = curve.coefficient, curve.uncertainty
+    if np.isfinite(mean):
+        axes.axhspan(mean - error, mean + error, color=colour, alpha=0.20, lw=0)
+        axes.axhline(mean, color=colour, lw=1.2, ls=(0, (5, 3)))
+
+
+def _scale_ratio(axes: Any, curves: Sequence[Curve]) -> None:
+    """Limits from the bulk of T/N: it runs off where contact is nearly lost."""
+    values = np.concatenate([curve.friction[np.isfinite(curve.friction)] for curve in curves])
+    if len(values):
+        low, high = np.quantile(values, [0.01, 0.99])
+        means = [curve.coefficient for curve in curves if np.isfinite(curve.coefficient)] or [0.0]
+        low, high = min(low, 0.0, *means), max(high, *means)
+        axes.set_ylim(low - 0.08 * (high - low) - 1e-4, high + 0.12 * (high - low) + 1e-4)
+    axes.axhline(0.0, color="0.5", lw=0.6)
+
+
+def _colours(count: int) -> list[Any]:
+    return [COLOURS[k % len(COLOURS)] for k in range(count)]
+
+
+def influence_radius(points: Sequence[Influence]) -> Any:
+    """Macroscopic modulus and Poisson ratio against the radius ratio of the beams, a line for each of their moduli."""
+    return _influence(
+        points, lambda p: p.beams.radius_ratio, lambda p: p.beams.youngs_modulus,
+        "radius ratio of the beams [-]", lambda modulus: f"{modulus / 1e6:g} TPa", "modulus of the beams",
+    )  # fmt: skip
+
+
+def influence_modulus(points: Sequence[Influence]) -> Any:
+    """Macroscopic modulus and Poisson ratio against the modulus of the beams, a line for each radius ratio."""
+    return _influence(
+        points, lambda p: p.beams.youngs_modulus / 1e6, lambda p: p.beams.radius_ratio,
+        "modulus of the beams [TPa]", lambda ratio: f"{ratio:g}", "radius ratio",
+    )  # fmt: skip
+
+
+def _influence(
+    points: Sequence[Influence],
+    along: Callable[[Influence], float],
+    family: Callable[[Influence], float],
+    label: str,
+    name: Callable[[float], str],
+    title: str,
+) -> Any:
+    figure = sheet(8.2, 3.5)
+    left, right = figure.subplots(1, 2)
+    members = sorted({family(point) for point in points})
+    marks = ["o", "s", "^", "D", "v", "P"]
+    for k, (member, colour) in enumerate(zip(members, _colours(len(members)), strict=True)):
+        line = sorted((point for point in points if family(point) == member), key=along)
+        x = [along(point) for point in line]
+        style = {"color": colour, "marker": marks[k % len(marks)], "ms": 4, "lw": 1.2, "label": name(member)}
+        left.plot(x, [point.test.youngs_modulus / 1e3 for point in line], **style)
+        # without an influence the lines lie on each other: each is a little smaller than the one below it
+        style |= {"ms": 7.0 - 1.6 * min(k, 3), "lw": 2.6 - 0.6 * min(k, 3)}
+        right.plot(x, [point.test.poisson_ratio for point in line], **style)
+    left.set_ylabel("Young's modulus of the packing [GPa]")
+    right.set_ylabel("Poisson ratio of the packing [-]")
+    left.set_ylim(bottom=0.0)
+    right.set_ylim(bottom=0.0)
+    for axes in (left, right):
+        axes.set_xlabel(label)
+        plain(axes)
+    left.legend(title=title, frameon=False, fontsize=9, title_fontsize=9)
+    return figure

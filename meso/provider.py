@@ -1,0 +1,233 @@
+"""The friction provider `dem`: each pair of facing tiles is a friction test of two rough plates of its own.
+
+    [friction]
+    provider = "dem"
+
+    [friction.options]
+    micro_friction = 0.07
+    seed = 1
+    surface = { levels = 3, max_height = 0.02 }
+    plates = { spheres = 3000 }
+
+`DirectDem` has the options, `TileFriction` answers.
+"""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from pathlib import Path
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+
+from macrofit.friction import BuildContext, FloatArray, ProviderError, TilePairs
+
+from .calibrate import beams_for
+from .coefficient_cache import CoefficientCache, Entry, code, version
+from .errors import MesoError, SettingsError
+from .friction_test import prepared, slid
+from .lattice import Lattice
+from .material import Material
+from .packing import Packing
+from .plates import Body, face_to_face, make_plate
+from .records import Slide
+from .settings import Settings, decode
+
+TILES = 2**16
+"""Tiles of one body, and seeds to choose from; both are counted from 0."""
+
+HELD_SPHERES = 600_000
+"""Spheres of the plates kept for the next pairs of their tiles; 0.3 kB each."""
+
+TABLES = ("surface", "plates", "contact", "load", "engine")
+"""The tables of a friction test that are options."""
+
+TAKEN = {
+    ("surface", "wheel_seed"): "it follows from friction.options.seed and the tile",
+    ("surface", "axle_seed"): "it follows from friction.options.seed and the tile",
+    ("contact", "micro_friction"): "it is friction.options.micro_friction",
+    ("plates", "edge"): "it is the length of a tile",
+    ("load", "slide"): "it is the length of a tile",
+}
+"""Keys of these tables that are set otherwise."""
+
+
+class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Coefficients of friction from the discrete model of two rough plates, run for each pair when it is asked for.
+
+    The tables `surface`, `plates`, `contact`, `load` and `engine` are those of a friction test (`meso.settings`)
+    with their defaults, but for the keys in `TAKEN`. Both plates are of the axle's material, as large as a tile and
+    slid by its length. The pair's own pressure is not used: it is `load.pressure` everywhere.
+
+    Raises:
+        ProviderError: an option that is unknown or refused, by its key.
+    """
+
+    micro_friction: float = 0.07
+    """Of sphere on sphere [-]."""
+    seed: int = 1
+    """Chooses all the surfaces of both bodies, 0 to 65535; see `tile_seed`."""
+    cache: bool = True
+    """Keep coefficients in the context's cache folder, and take them from there."""
+    surface: dict[str, Any] = {}
+    plates: dict[str, Any] = {}
+    contact: dict[str, Any] = {}
+    load: dict[str, Any] = {}
+    engine: dict[str, Any] = {}
+
+    def __post_init__(self) -> None:
+        tile_seed(self.seed, 0)
+        self.settings(1.0)  # a scene is refused when it is read, not when it runs
+
+    def settings(self, tile_size: float) -> Settings:
+        """The settings that all pairs share, for tiles of this length [mm]."""
+        tables = {name: dict(getattr(self, name)) for name in TABLES}
+        for (table, key), instead in TAKEN.items():
+            if key in tables[table]:
+                raise ProviderError(f"friction.options.{table}.{key}: leave it out, {instead}")
+        tables["contact"]["micro_friction"] = self.micro_friction
+        tables["plates"]["edge"] = tables["load"]["slide"] = tile_size
+        try:
+            return decode(tables)
+        except SettingsError as error:
+            told = str(error).replace("contact.micro_friction", "micro_friction")
+            raise ProviderError(f"friction.options.{told}") from None
+
+    def build(self, context: BuildContext) -> TileFriction:
+        """The provider for this material and tile.
+
+        Raises:
+            SettingsError: there are no beams for the material.
+        """
+        material = Material(youngs_modulus=context.youngs_modulus, poisson_ratio=context.poisson_ratio)
+        beams_for(material)
+        settings = msgspec.structs.replace(self.settings(context.tile_size), material=material)
+        keeps = self.cache and context.cache_dir is not None
+        return TileFriction(
+            settings, self.seed, CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None
+        )
+
+
+class TileFriction:
+    """The meso coefficient of each pair of tiles: mean T over mean N along the slide of the seat's tile on the bore's.
+
+    Where the micro coefficient is small this may come out a little below 0, for the plates do not end as they began
+    and what they give back is counted. Such a pair gets 0; the cache keeps the number itself.
+
+    Args:
+        settings: of the friction test; the two seeds in them do not matter.
+        seed: of all the surfaces.
+        cache: where coefficients are kept, if anywhere.
+    """
+
+    depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
+
+    runs: int
+    """Friction tests made, not taken from the cache."""
+    clipped: int
+    """Answers of 0 in place of a negative number."""
+
+    def __init__(self, settings: Settings, seed: int, cache: CoefficientCache | None = None) -> None:
+        self.shared, self.seed, self.cache = settings, seed, cache
+        self.runs = self.clipped = 0
+        self._plate = functools.lru_cache(HELD_SPHERES // settings.plates.spheres)(self._made)
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        """mu of each pair [-], shape (n,).
+
+        Raises:
+            ProviderError: a pair that cannot be computed: which, and why.
+        """
+        asked = list(zip(pairs.seat.tolist(), pairs.bore.tolist(), strict=True))
+        known = {pair: self._bounded(*pair) for pair in sorted(set(asked))}
+        return np.array([known[pair] for pair in asked], dtype=np.float64)
+
+    def settings(self, seat: int, bore: int) -> Settings:
+        """The friction test of a pair: `meso.friction_test.run` with these gives its coefficient to the bit."""
+        seeds = {"axle_seed": tile_seed(self.seed, seat), "wheel_seed": tile_seed(self.seed, bore)}
+        return msgspec.structs.replace(self.shared, surface=msgspec.structs.replace(self.shared.surface, **seeds))
+
+    def entry(self, seat: int, bore: int) -> Entry:
+        """What the friction test of a pair comes to, from the cache or made now.
+
+        Raises:
+            ProviderError: it cannot be computed.
+        """
+        settings = self.settings(seat, bore)
+        stored = self.cache.find(settings) if self.cache else None
+        if stored is not None:
+            return stored
+        try:
+            entry = _entry(settings, self._slide(settings))
+        except Exception as error:
+            reason = str(error) if isinstance(error, MesoError) else f"{type(error).__name__}: {error}"
+            raise ProviderError(
+                f"friction provider 'dem', seat tile {seat} (axle_seed = {settings.surface.axle_seed}) and "
+                f"bore tile {bore} (wheel_seed = {settings.surface.wheel_seed}): {reason}"
+            ) from error
+        if self.cache:
+            self.cache.keep(entry)
+        return entry
+
+    def _bounded(self, seat: int, bore: int) -> float:
+        entry = self.entry(seat, bore)
+        if entry.coefficient < 0.0:
+            if not self.clipped:
+                warnings.warn(
+                    f"friction provider 'dem': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
+                    f"{entry.coefficient:.4f} +- {entry.uncertainty:.4f} and is taken as 0, and so will others be",
+                    stacklevel=2,
+                )
+            self.clipped += 1
+        return max(0.0, entry.coefficient)
+
+    def _slide(self, settings: Settings) -> Slide:
+        self.runs += 1
+        wheel = self._plate("wheel", settings.surface.wheel_seed)
+        axle = self._plate("axle", settings.surface.axle_seed)
+        plates = face_to_face(settings, wheel, axle)
+        return next(slid(plates, prepared(plates), settings.contact.coefficients))
+
+    def _made(self, body: Body, seed: int) -> tuple[Packing, Lattice]:
+        surface = msgspec.structs.replace(self.shared.surface, axle_seed=seed, wheel_seed=seed)
+        return make_plate(msgspec.structs.replace(self.shared, surface=surface), body)
+
+
+def tile_seed(seed: int, tile: int) -> int:
+    """The surface seed of a tile, 65536 seed + tile: no two tiles of a body share one, whatever the seed.
+
+    Seat tile i has axle_seed = tile_seed(seed, i) and bore tile j has wheel_seed = tile_seed(seed, j). The surfaces
+    of axle and wheel are drawn from independent streams, so equal numbers are not equal surfaces.
+
+    Raises:
+        ProviderError: a seed or a tile outside 0 ... 65535.
+    """
+    if not 0 <= seed < TILES:
+        raise ProviderError(f"friction.options.seed = {seed} is out of bounds: take 0 ... {TILES - 1}")
+    if not 0 <= tile < TILES:
+        raise ProviderError(f"friction provider 'dem': no tile {tile}; they are numbered 0 ... {TILES - 1}")
+    return TILES * seed + tile
+
+
+def _entry(settings: Settings, slide: Slide) -> Entry:
+    curve = slide.curve
+    if not curve.mean_normal > 0.0:
+        raise MesoError(
+            "the plates do not touch anywhere along the slide: take a larger load.pressure (or load.interference), "
+            "or load.control = 'force'"
+        )
+    return Entry(
+        coefficient=curve.coefficient,
+        uncertainty=curve.uncertainty,
+        mean_normal=curve.mean_normal,
+        mean_tangential=curve.mean_tangential,
+        engine=slide.engine,
+        remark=slide.remark,
+        unconverged_increments=slide.unconverged_increments,
+        largest_residual=slide.largest_residual,
+        settings=settings,
+        code=code(),
+        version=version(),
+    )

@@ -1,0 +1,193 @@
+"""The friction test on small plates: two engines that share nothing but the contact law, and what must hold anyway."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from meso import kernels
+from meso.encounters import Faces
+from meso.errors import StabilityError
+from meso.explicit import Explicit, critical_time_step
+from meso.friction_test import engine_name, run
+from meso.plates import Plates, make_plates
+from meso.quasistatic import QuasiStatic
+from meso.records import Curve, block_error
+from meso.settings import load
+
+SMALL = ["plates.spheres=600", "plates.thickness=0.3", "load.interference=0.008"]
+
+
+@pytest.fixture(scope="module")
+def plates() -> Plates:
+    return make_plates(load(None, SMALL))
+
+
+@pytest.fixture(scope="module")
+def condensed(plates: Plates) -> QuasiStatic:
+    return QuasiStatic(plates)
+
+
+def test_both_engines_agree(plates: Plates, condensed: QuasiStatic) -> None:
+    slow = dataclasses.replace(
+        plates, settings=load(None, [*SMALL, "engine.speed=5000", "engine.samples=1000", "contact.micro_friction=0.07"])
+    )
+    static, dynamic = condensed.slide(0.07), Explicit(slow).slide(0.07)
+    assert static.curve.coefficient == pytest.approx(dynamic.curve.coefficient, rel=3e-3)  # the bar of the issue
+    middle = dynamic.curve.displacement - 0.0005
+    seen = np.interp(static.curve.displacement[1:-1], middle, dynamic.curve.normal)
+    rms = np.sqrt(np.mean((seen - static.curve.normal[1:-1]) ** 2)) / static.curve.mean_normal
+    assert rms < 4e-3  # 600 spheres: each contact carries five times as much of N as with 3000
+    assert abs(dynamic.work.imbalance) < 1e-3
+
+
+def test_meso_coefficient_is_affine_in_the_micro_coefficient(condensed: QuasiStatic) -> None:
+    micro = np.array([0.01, 0.03, 0.05, 0.07, 0.09])
+    meso = np.array([condensed.slide(mu).curve.coefficient for mu in micro])
+    a, b = np.polyfit(micro, meso, 1)
+    assert np.abs(meso - (a * micro + b)).max() < 1e-4
+    assert 1.0 < a < 1.1
+    assert condensed.factorisations == 2  # one for each plate, whatever the number of slides
+
+
+def test_no_friction_leaves_the_change_of_stored_energy(condensed: QuasiStatic) -> None:
+    slide = condensed.slide(0.0)
+    stored = slide.work.elastic + slide.work.contact
+    assert slide.work.friction == 0.0
+    assert slide.curve.tangential_work == pytest.approx(stored, rel=1e-12)
+    # sampled at the increments T does the same work, up to the error of its quadrature
+    sampled = float(slide.curve.share @ slide.curve.tangential)
+    assert sampled == pytest.approx(stored, abs=2e-3 * slide.curve.mean_normal)
+
+
+def test_error_falls_with_the_square_of_the_increment(plates: Plates) -> None:
+    def coefficient(increment: float) -> float:
+        settings = load(None, [*SMALL, f"engine.increment={increment}", "engine.tolerance=1e-6"])
+        return QuasiStatic(dataclasses.replace(plates, settings=settings)).slide(0.07).curve.coefficient
+
+    exact = coefficient(0.0005)
+    coarse, fine = abs(coefficient(0.008) / exact - 1.0), abs(coefficient(0.002) / exact - 1.0)
+    assert fine < 1e-3
+    assert coarse > 3.0 * fine
+
+
+def test_constant_force_is_constant() -> None:
+    constant = ["plates.spheres=600", "load.pressure=100", "load.control=force", "engine.speed=2500"]
+    own = make_plates(load(None, constant))
+    static = QuasiStatic(own).slide(0.05)
+    assert np.abs(static.curve.normal - 100.0).max() < 100.0 * own.settings.engine.tolerance
+    assert np.ptp(static.curve.height) > 1e-3  # the wheel rides up and down
+    dynamic = Explicit(own).slide(0.05)
+    assert dynamic.curve.mean_normal == pytest.approx(100.0, rel=0.01)
+    assert dynamic.curve.coefficient == pytest.approx(static.curve.coefficient, rel=0.05)  # the carriage follows late
+    assert abs(dynamic.work.imbalance) < 1e-3
+
+
+def test_squeeze_reaches_the_pressure() -> None:
+    settings = load(None, ["plates.spheres=600", "load.pressure=120", "load.slide=1.0", "engine.samples=20"])
+    own = make_plates(settings)
+    for engine in (QuasiStatic(own), Explicit(own)):
+        assert engine.slide(0.07).squeeze.normal[-1] == pytest.approx(120.0, rel=0.02)
+
+
+def test_same_seeds_same_bits() -> None:
+    settings = load(None, [*SMALL, "plates.packing_seed=5", "engine.samples=50"])
+    for name in ("quasi-static", "explicit"):
+        engines = {"quasi-static": QuasiStatic, "explicit": Explicit}
+        curves = [engines[name](make_plates(settings)).slide(0.07).curve for _ in range(2)]
+        assert np.array_equal(curves[0].tangential, curves[1].tangential)
+        assert np.array_equal(curves[0].normal, curves[1].normal)
+
+
+def test_every_touching_pair_is_an_encounter(plates: Plates) -> None:
+    touch = plates.first_touch
+    found = plates.encounters(touch - 0.01, touch, 0.0)
+    split = plates.wheel.nodes
+    wheel, axle = plates.lattice.centres[:split], plates.lattice.centres[split:]
+    radii = plates.lattice.radii
+    for slide in (0.0, 0.31, 1.0):
+        for height in (touch, touch - 0.01):
+            distance = np.linalg.norm(wheel[:, None] + [slide, 0.0, height] - axle[None], axis=2)
+            pairs = np.argwhere(distance < radii[:split, None] + radii[None, split:])
+            live = (found.first <= slide) & (slide <= found.last)
+            known = {tuple(pair) for pair in found.pair[live]}
+            assert {(i, j + split) for i, j in pairs} <= known
+    assert Faces(plates.lattice, split).first_touch() == touch
+
+
+def test_first_touch_is_the_highest_position_with_a_touch(plates: Plates) -> None:
+    split = plates.wheel.nodes
+    wheel, axle = plates.lattice.centres[:split], plates.lattice.centres[split:]
+    reach = plates.lattice.radii[:split, None] + plates.lattice.radii[None, split:]
+    for lift, touching in ((1e-9, 0), (-1e-9, 1)):
+        moved = wheel[:, None] + [0.0, 0.0, plates.first_touch + lift]
+        assert np.sum(np.linalg.norm(moved - axle[None], axis=2) < reach) == touching
+
+
+def test_time_step_below_the_limit_is_stable_for_1e5_steps(plates: Plates) -> None:
+    settings = load(None, [*SMALL, "engine.speed=1200", "engine.damping_length=1000", "engine.samples=50"])
+    engine = Explicit(dataclasses.replace(plates, settings=settings))
+    slide = engine.slide(0.07)
+    assert slide.steps > 1e5
+    assert abs(slide.work.imbalance) < 1e-3
+    engine.time_step = 1.15 * critical_time_step(plates.lattice)
+    with pytest.raises(StabilityError, match="diverged"):
+        engine.slide(0.07)
+
+
+def test_time_step_above_the_limit_is_refused(plates: Plates) -> None:
+    settings = load(None, [*SMALL, "engine.time_step=1e-7"])
+    with pytest.raises(StabilityError, match=r"engine\.time_step"):
+        Explicit(dataclasses.replace(plates, settings=settings))
+
+
+def test_explicit_engine_takes_over_where_nothing_settles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels, "settle", lambda *arguments: (30, 1.0, 0.0))
+    slide = run(load(None, [*SMALL, "engine.samples=20"])).slides[0]
+    assert slide.engine == "explicit"
+    assert "no equilibrium" in slide.remark
+    assert np.isfinite(slide.curve.coefficient)
+
+
+def test_increments_that_fail_are_halved(plates: Plates, monkeypatch: pytest.MonkeyPatch) -> None:
+    settle = kernels.settle
+    calls = []
+
+    def stubborn(*arguments: object) -> object:
+        calls.append(1)
+        return (30, 1.0, 0.0) if len(calls) in (20, 21, 40) else settle(*arguments)
+
+    monkeypatch.setattr(kernels, "settle", stubborn)
+    slide = QuasiStatic(plates).slide(0.07)
+    monkeypatch.undo()
+    assert slide.largest_residual <= 1e-3
+    assert slide.steps > 258
+    assert slide.curve.coefficient == pytest.approx(QuasiStatic(plates).slide(0.07).curve.coefficient, rel=2e-3)
+
+
+def test_auto_takes_the_explicit_engine_for_breakage_and_large_plates() -> None:
+    assert engine_name(load()) == "quasi-static"
+    assert engine_name(load(None, ["plates.spheres=30000"])) == "explicit"
+    strengths = "engine.breakage={tensile_strength=1e5, shear_strength=1e5}"
+    assert engine_name(load(None, [strengths])) == "explicit"
+
+
+def test_block_error_of_independent_and_of_correlated_rows() -> None:
+    rng = np.random.default_rng(1)
+    white = rng.normal(size=4096)
+    assert block_error(white) == pytest.approx(1.0 / 64.0, rel=0.35)  # the largest of nine estimates
+    slow = np.repeat(rng.normal(size=256), 16)
+    assert block_error(slow) == pytest.approx(1.0 / 16.0, rel=0.4)
+
+
+def test_curve_means() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    normal = np.array([1.0, 2.0, 0.0, 2.0, 1.0])
+    share = np.array([0.125, 0.25, 0.25, 0.25, 0.125])
+    curve = Curve(x, 0.0, normal, 0.1 * normal, x, share, float(share @ (0.1 * normal)))
+    assert curve.mean_normal == pytest.approx(1.25)
+    assert curve.coefficient == pytest.approx(0.1)
+    assert curve.mean_of_ratio == pytest.approx(0.1)
+    assert np.isnan(curve.friction[2])
