@@ -14,7 +14,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
 # The libraries of the last line are what the gmsh module loads, window or not.
 DEBIAN_PACKAGES := python3-venv python3-dolfinx-real python3-gmsh python3-scipy python3-numba \
 	python3-matplotlib python3-meshio python3-h5py-mpi python3-pytest python3-click \
-	openmpi-bin libopenblas0-serial \
+	openmpi-bin libopenblas0-serial libcholmod3 libmetis5 \
 	libegl1 libgl1 libxrender1 libxcursor1 libgomp1
 
 # One thread per rank; Open MPI may run as root and on fewer cores than ranks.

@@ -29,9 +29,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from . import kernels
-from .encounters import Encounters
+from .encounters import NOBODY, Encounters
 from .errors import StabilityError
 from .lattice import Lattice
+from .records import Sums
 from .settings import Breakage
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -41,8 +42,6 @@ TENSION, SHEAR = 1, 2
 """Modes in which a beam breaks."""
 SKIN = 0.2
 """Reach of the pairs near loose spheres beyond contact, in mean radii [-]."""
-NOBODY = Encounters(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
-"""No encounter at all."""
 
 
 @dataclass(frozen=True)
@@ -66,21 +65,11 @@ class Broken:
 
 
 @dataclass(frozen=True)
-class Account:
-    """Means and works over some steps, and the energies at their end: work = d(stored) + losses + released."""
+class Account(Sums):
+    """Sums over some steps, and the energies at their end: work = d(stored) + losses + released."""
 
-    force: FloatArray
-    """Mean force on the wheel, shape (3,) [N]."""
     grips: FloatArray
     """Mean force and sum of the moments that each grip exerts, shape (grips, 6) [N, N mm]."""
-    work: float
-    """Done by the drive and the grips [N mm]."""
-    friction: float
-    """Lost in the contacts [N mm]."""
-    damping: float
-    """Lost in damping [N mm]."""
-    released: float
-    """By the beams that broke [N mm]."""
     kinetic: float
     """sum of m v-.v+ / 2 with the velocities half a step before and after: exact where the forces are linear [N mm]."""
     elastic: float
@@ -170,16 +159,21 @@ class Breaking:
         released = np.concatenate([np.empty(0), *(energy for *_, energy in self._log)])
         return Broken(when[:, 0], when[:, 1], bond, self.mode[bond], ends, place, released)
 
+    @property
+    def live(self) -> IntArray:
+        """Numbers of the encounters that are looked at now, those of loose spheres left out."""
+        live: IntArray = self._live[: self._window[1]]
+        live = live[~self.loose[self.encounters.pair[live]].any(axis=1)]
+        return live
+
+    def stored(self) -> tuple[float, float, float]:
+        """Energy in the beams, in the contacts, and kinetic energy, at the end of the last steps [N mm]."""
+        return self.account.elastic, self.account.contact, self.account.kinetic
+
     def meet(self, encounters: Encounters) -> None:
         """Take other encounters of the two faces; those known from before keep their history."""
-        history = encounters.at_rest()
-        if len(encounters.pair):
-            key, known = (pair @ np.array([self.lattice.nodes, 1]) for pair in (encounters.pair, self.encounters.pair))
-            sort = np.argsort(key)
-            place, same = _find(known, key[sort])
-            history[sort[place[same]]] = self.history[same]
-        self.encounters, self.history = encounters, history
-        self._window, self._live = np.zeros(2, np.int64), np.empty(len(history), np.int64)
+        self.encounters, self.history = encounters, encounters.remembering(self.encounters, self.history)
+        self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
 
     def pieces(self) -> IntArray:
         """Number of the connected piece each sphere belongs to, the largest first, shape (n,)."""
@@ -237,10 +231,11 @@ class Breaking:
                 self.loosen(np.concatenate([lattice.first[bond], lattice.cols[bond]]))
             elif self._room <= 0.0:
                 self._renew()
-        return Account(
+        self.account = Account(
             force=total[:3] / steps, grips=reaction / steps, work=total[5], friction=total[3], damping=total[4],
             released=total[9], kinetic=0.5 * total[6], elastic=total[7], contact=total[8],
         )  # fmt: skip
+        return self.account
 
     def loosen(self, nodes: IntArray) -> None:
         """Let spheres meet whatever comes near them, as if they had lost a beam: the flanks of a notch, say."""

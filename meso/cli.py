@@ -1,16 +1,277 @@
-"""The command `macrofit-meso`."""
+"""The command `macrofit-meso`. What is heavy is imported inside the commands, so that help comes at once."""
 
 from __future__ import annotations
 
+import os
+import signal
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
 import click
 
-STILL_TO_COME = "Still to come: rough surfaces, the plates built from them and their coefficient of friction."
+from .errors import MesoError, OutputError
+
+if TYPE_CHECKING:
+    from .settings import Settings
+
+USER_MISTAKE, INTERRUPTED = 2, 130
+RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
+"""Of the figures of a calibration [-]."""
+MODULI = (0.5, 1.0, 2.0)
+"""Of the figures of a calibration, over the modulus found [-]."""
+LIGHT_CUBE = 1000
+"""Spheres, at most, in the cube that is pulled for these figures: 24 pairs of parameters take some seconds."""
 
 
-@click.group(invoke_without_command=True, epilog=STILL_TO_COME)
+class Commands(click.Group):
+    """A group that says an error the user can mend on one line, and exits with 2; an interruption with 130."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was asked for."""
+        with suppress(ValueError):  # not in the main thread
+            # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            with _warnings_on_one_line():
+                return super().invoke(ctx)
+        except MesoError as error:
+            complain(error)
+            ctx.exit(USER_MISTAKE)
+        except KeyboardInterrupt:
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
+
+
+@contextmanager
+def _warnings_on_one_line() -> Iterator[None]:
+    """Say a warning in the words of the command, without the place in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
+        yield
+
+
+def complain(message: object) -> None:
+    """Say what went wrong, on one line."""
+    click.echo(f"macrofit-meso: {' '.join(str(message).split())}", err=True)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="macrofit", prog_name="macrofit-meso")
-@click.pass_context
-def main(context: click.Context) -> None:
-    """Rough plates and their friction."""
-    if context.invoked_subcommand is None:
-        click.echo(STILL_TO_COME)
+def main() -> None:
+    """Rough plates of spheres and beams, squeezed and slid over each other: the friction their roughness gives.
+
+    SETTINGS is a TOML file; without it every key has its default. Lengths are in mm, forces in N, moduli in MPa.
+    """
+    # The kernels are serial and the blocks small: threads would only fight for the cores with other runs.
+    # Read when numpy and numba are first imported; a value set by the user stays.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+
+
+FILE = click.Path(path_type=Path)
+settings_argument = click.argument("settings", required=False, type=FILE)
+set_option = click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the settings."
+)
+
+
+def numbers(context: click.Context, option: click.Parameter, text: str | None) -> tuple[float, ...]:
+    """Numbers between commas; none where nothing is given."""
+    try:
+        return tuple(float(part) for part in text.split(",")) if text is not None else ()
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is not a number, or numbers between commas") from None
+
+
+@main.command()
+@settings_argument
+@click.option(
+    "-o", "--output", "folder", type=FILE, default=Path("meso-run"), show_default=True, help="Folder of the results."
+)
+@set_option
+@click.option("--engine", type=click.Choice(["auto", "quasi-static", "explicit"]), help="Instead of the settings'.")
+@click.option("--micro-friction", callback=numbers, metavar="MU[,MU...]", help="Instead of the settings'.")
+@click.option("--no-figures", is_flag=True, help="Write data only.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def run(
+    settings: Path | None,
+    folder: Path,
+    overrides: tuple[str, ...],
+    engine: str | None,
+    micro_friction: tuple[float, ...],
+    no_figures: bool,
+    quiet: bool,
+) -> None:
+    """Squeeze two rough plates, slide them, and write their coefficient of friction, curves and figures.
+
+    A folder with results of a run is replaced. A folder with anything else in it is refused.
+    """
+    more = [f"engine.name={engine}"] if engine else []
+    if micro_friction:
+        more.append(f"contact.micro_friction={list(micro_friction)}")
+    resolved = _load(settings, (*overrides, *more))
+    try:
+        from .job import carry_out
+        from .monitor import on_screen
+
+        lines = carry_out(resolved, folder, on_screen(quiet=quiet), figures=not no_figures)
+    except KeyboardInterrupt:
+        complain(f"interrupted; the slides that were done are in {folder}")
+        click.get_current_context().exit(INTERRUPTED)
+    for line in [] if quiet else lines:
+        click.echo(line)
+
+
+@main.command()
+@click.option(
+    "-o", "--output", "targets", multiple=True, type=FILE, metavar="FILE",
+    help="Figure (.png), heights (.npy, .csv) or hull of the plate (.stl, .vtk, .vtu, .ply); several may be given.",
+)  # fmt: skip
+@click.option("--body", type=click.Choice(["wheel", "axle"]), default="wheel", show_default=True, help="Whose face.")
+@click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm.")
+@click.option("--max-height", type=float, help="Range R of the random heights of Diamond-Square [mm].")
+@click.option("--rms-height", type=float, help="Sq of the self-affine generator [mm].")
+@click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth).")
+@click.option("--seed", type=int, help="Of the random heights.")
+@click.option("--generator", type=click.Choice(["diamond_square", "self_affine"]), help="How the heights are made.")
+@set_option
+def surface(
+    targets: tuple[Path, ...],
+    body: Literal["wheel", "axle"],
+    seed: int | None,
+    overrides: tuple[str, ...],
+    **given: Any,
+) -> None:
+    """Make the rough face of a body, print its roughness, and write it in the forms asked for.
+
+    What is not given is as in a run without settings: the face is the very one of its plate.
+    """
+    from .output import check_surface_file, write_surface
+    from .plates import rough_face
+    from .report import roughness_line
+
+    for target in targets:
+        check_surface_file(target)
+    if seed is not None:
+        given[f"{body}_seed"] = seed
+    more = [f"surface.{key}={value}" for key, value in given.items() if value is not None]
+    resolved = _load(None, (*overrides, *more))
+    edge, slide = resolved.plates.edge, resolved.load.slide
+    size = (edge, edge) if body == "wheel" else (edge + slide, edge)
+    face = rough_face(resolved.surface, body, getattr(resolved.surface, f"{body}_seed"), size)
+    nx, ny = face.shape
+    click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
+    click.echo(f"Roughness       {roughness_line(face)}")
+    for target in targets:
+        write_surface(target, face, resolved.plates.thickness, f"Rough face of the {body}")
+        click.echo(f"File            {target}")
+
+
+@main.command()
+@settings_argument
+@click.option(
+    "-o", "--output", "targets", multiple=True, type=FILE, metavar="FILE", default=("plates.vtu", "plates.png"),
+    show_default=True, help="Spheres and beams (.vtu, .vtk) or their picture (.png); several may be given.",
+)  # fmt: skip
+@set_option
+def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[str, ...]) -> None:
+    """Pack the two plates of the settings, print their measures, and write them for a look."""
+    for target in targets:
+        if target.suffix.lower() not in (".vtu", ".vtk", ".png"):
+            raise OutputError(f"{target}: spheres are written as .vtu or .vtk, their picture as .png")
+    resolved = _load(settings, overrides)
+    from .output import write_spheres
+    from .plates import make_plates
+    from .report import packing_line, roughness_line
+
+    plates = make_plates(resolved)
+    for body, packing in (("Wheel", plates.wheel_packing), ("Axle", plates.axle_packing)):
+        mean, deviation = packing.envelope_error()
+        click.echo(f"{body:<16}{packing_line(packing)}")
+        click.echo(f"                surface: {roughness_line(packing.surface)}")
+        click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
+    for target in targets:
+        if target.suffix.lower() == ".png":
+            from .figure import save
+            from .plots import plates_seen
+
+            save(plates_seen(plates), target)
+        else:
+            write_spheres(target, plates)
+        click.echo(f"File            {target}")
+
+
+@main.command()
+@click.option("--poisson-ratio", type=float, default=0.3, show_default=True, help="Of the material.")
+@click.option("--youngs-modulus", type=float, default=210e3, show_default=True, help="Of the material [MPa].")
+@click.option("--spheres", type=click.IntRange(100), default=2000, show_default=True, help="In each packing.")
+@click.option("--packings", type=click.IntRange(1), default=10, show_default=True, help="Number of them.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the packings.")
+@click.option(
+    "-o", "--output", "folder", type=FILE, default=Path("meso-calibration"), show_default=True,
+    help="Folder of calibration.toml and the figures.",
+)  # fmt: skip
+@click.option("--no-figures", is_flag=True, help="Find the beams only.")
+def calibrate(
+    poisson_ratio: float,
+    youngs_modulus: float,
+    spheres: int,
+    packings: int,
+    seed: int,
+    folder: Path,
+    no_figures: bool,
+) -> None:
+    """Find the beams that make a packing as stiff as a material, and show what they do to it.
+
+    Tensile tests on packed cubes of 1 mm give the radius ratio of the beams from the Poisson ratio, then their modulus
+    from Young's modulus.
+    """
+    from .calibrate import calibrate as find
+    from .calibrate import influence
+    from .calibrate import sample as draw_boxes
+    from .files import replacing
+    from .material import Material
+
+    material = Material(youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
+    started = time.perf_counter()
+    click.echo(
+        f"Pulling         {packings} cubes of {spheres} spheres, about {1 + 3e-3 * packings * spheres:.0f} s ..."
+    )
+    found = find(material, spheres=spheres, packings=packings, seed=seed)
+    with replacing(folder / "calibration.toml") as draft:
+        found.write(draft)
+    beams = found.beams(youngs_modulus)
+    elapsed = time.perf_counter() - started
+    click.echo(f"Radius ratio    {beams.radius_ratio:.4f} for a Poisson ratio of {poisson_ratio:g}  ({elapsed:.1f} s)")
+    click.echo(
+        f"Beams           {beams.youngs_modulus / 1e3:.4g} GPa for {youngs_modulus / 1e3:.4g} GPa, "
+        f"{found.stiffening:.2f} times the material's modulus"
+    )
+    click.echo(
+        f"Scatter         {found.modulus_scatter:.1%} of the modulus, {found.poisson_scatter:.4f} in the Poisson ratio, "
+        f"from packing to packing (standard deviations{'' if packings > 1 else '; one packing has none'})"
+    )
+    if not no_figures:
+        from .figure import save
+        from .plots import influence_modulus, influence_radius
+
+        started = time.perf_counter()
+        (cube,) = draw_boxes("influence", seed, spheres=min(spheres, LIGHT_CUBE), packings=1)
+        points = influence(
+            cube, radius_ratios=RADIUS_RATIOS, youngs_moduli=[part * beams.youngs_modulus for part in MODULI]
+        )
+        title = f"A cube of {len(cube.radii)} spheres"
+        for name, drawn in (("radius", influence_radius), ("modulus", influence_modulus)):
+            save(drawn(points, title), folder / f"influence_{name}.png")
+        click.echo(f"Influence       {len(points)} pairs of beams  ({time.perf_counter() - started:.1f} s)")
+    click.echo(f"Files           {folder}")
+
+
+def _load(source: Path | None, overrides: tuple[str, ...]) -> Settings:
+    from .settings import load
+
+    return load(source, overrides)

@@ -42,6 +42,22 @@ class Encounters:
         history[:, 0] = np.inf
         return history
 
+    def remembering(self, old: Encounters, history: FloatArray) -> FloatArray:
+        """The history of these pairs, where those known from `old` keep theirs, shape (p, 9)."""
+        mine = self.at_rest()
+        if len(old.pair) and len(self.pair):
+            nodes = 1 + max(int(self.pair.max()), int(old.pair.max()))
+            key, known = (pair @ np.array([nodes, 1]) for pair in (self.pair, old.pair))
+            order = np.argsort(key)
+            place = order[np.minimum(np.searchsorted(key[order], known), len(key) - 1)]
+            same = key[place] == known
+            mine[place[same]] = history[same]
+        return mine
+
+
+NOBODY = Encounters(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
+"""No encounter at all."""
+
 
 class Faces:
     """The two rough faces of a joined lattice, the wheel's nodes first."""

@@ -1,5 +1,6 @@
 """The explicit engine: damped leapfrog of both lattices, the wheel carried along.
 
+What is advanced is either linear (`meso.linear`) or, where beams may break, co-rotational (`meso.breakage`).
 The wheel's nodes move in the frame of its carriage: u is the displacement from where the carriage alone would have
 brought them, so the prescribed motion enters through the contacts only and starts no waves.
 """
@@ -7,7 +8,8 @@ brought them, so the prescribed motion enters through the contacts only and star
 from __future__ import annotations
 
 import time
-from typing import TypeAlias
+from collections.abc import Sequence
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +19,12 @@ from . import kernels
 from .encounters import Encounters
 from .errors import StabilityError
 from .lattice import Lattice
+from .linear import Linear
 from .plates import Plates
-from .records import Curve, Slide, Work
+from .records import Breaks, Curve, Slide, Sums, Work
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
 
 MARGIN = 0.004
 """How far elastic displacements may bring two spheres towards each other before the encounters are widened [mm]."""
@@ -97,34 +101,46 @@ class Explicit:
         return _Run(self, micro_friction).result()
 
 
+class _Body(Protocol):
+    """What is advanced in time: `meso.linear.Linear`, or `meso.breakage.Breaking` where beams may break."""
+
+    drive: FloatArray
+    steps: int
+    u: FloatArray
+    encounters: Encounters
+
+    @property
+    def live(self) -> IntArray: ...
+    def meet(self, encounters: Encounters) -> None: ...
+    def advance(
+        self, steps: int, speed: Sequence[float], *, damping: float, target: float, carriage: Sequence[float]
+    ) -> Sums: ...
+    def stored(self) -> tuple[float, float, float]: ...
+
+
 class _Run:
-    """The state of one slide, advanced in chunks of time steps."""
+    """One squeeze and slide of a body, in chunks of time steps."""
 
     def __init__(self, engine: Explicit, micro_friction: float) -> None:
         self.plates, self.settings, self.dt = engine.plates, engine.plates.settings, engine.time_step
         self.micro_friction = micro_friction
         self.range, self.margin = engine.range, engine.margin
-        lattice = self.plates.lattice
-        self.u, self.v, self.f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
-        self.drive = np.array([0.0, 0.0, self.plates.first_touch])
-        self.speed = np.zeros(3)
-        self.steps = 0
-        self.kinetic = 0.0
-        self._meet(engine.encounters)
-
-    def _meet(self, encounters: Encounters) -> None:
-        self.encounters = encounters
-        self.history = encounters.at_rest()
-        self.window = np.zeros(2, dtype=np.int64)
-        self.live = np.zeros(len(encounters.pair), dtype=np.int64)
+        self.body: _Body
+        if self.settings.engine.breakage is None:
+            self.body = Linear(
+                self.plates.lattice, dt=self.dt, micro_friction=micro_friction, encounters=engine.encounters
+            )
+        else:
+            self.body = _fragile(self.plates, self.dt, micro_friction, engine.encounters)
+        self.body.drive[2] = self.plates.first_touch
 
     def result(self) -> Slide:
         """Squeeze, slide, sum up."""
         started = time.process_time()
         squeeze = self._squeeze()
-        before = self._stored()
-        curve, total = self._slide()
-        after = self._stored()
+        before = self.body.stored()
+        curve, work, friction, damping, released = self._slide()
+        elastic, contact, kinetic = np.subtract(self.body.stored(), before)
         lattice = self.plates.lattice
         return Slide(
             micro_friction=self.micro_friction,
@@ -132,71 +148,60 @@ class _Run:
             squeeze=squeeze,
             curve=curve,
             work=Work(
-                drive=total[5],
-                friction=total[3],
-                damping=total[4],
-                elastic=after[0] - before[0],
-                contact=after[1] - before[1],
-                kinetic=after[2] - before[2],
+                drive=work,
+                friction=friction,
+                damping=damping,
+                broken=released,
+                elastic=float(elastic),
+                contact=float(contact),
+                kinetic=float(kinetic),
             ),
-            steps=self.steps,
-            bond_steps=self.steps * (len(lattice.cols) + len(lattice.anchored)),
+            steps=self.body.steps,
+            bond_steps=self.body.steps * len(lattice.cols),
             unconverged_increments=0,
             largest_residual=0.0,
             cpu_s=time.process_time() - started,
+            breaks=_breaks(self.body),
         )
 
-    def advance(
-        self, steps: int, speed: tuple[float, float], damping: float, target: float = 0.0, ratio: float = 1.0
-    ) -> FloatArray:
-        """March; with a target the height falls freely under it. Returns the sums of `kernels.march`: the force on the wheel as a mean over the steps [N]."""
-        lattice = self.plates.lattice
-        total = np.zeros(7)
-        self.speed[0], self.speed[1] = speed[0], 0.0
-        if target == 0.0:
-            self.speed[2] = speed[1]
-        kernels.march(
-            self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
-            lattice.twist, lattice.inverse, self.dt, damping,
-            self.encounters.first, self.encounters.last, self.encounters.pair, self.encounters.apart,
-            self.encounters.law, self.history, self.micro_friction, self.window, self.live,
-            self.drive, self.speed, target, self._carriage(ratio), steps, total,
-        )  # fmt: skip
-        self.steps += steps
-        self.kinetic = 0.5 * total[6]
-        total[:3] /= steps
-        if not np.isfinite(total).all():
+    def advance(self, steps: int, speed: tuple[float, float], damping: float, target: float = 0.0) -> Sums:
+        """Carry the wheel at this speed along and upwards [mm/s]; with a target [N] it falls freely under that load."""
+        sums = self.body.advance(
+            steps, (speed[0], 0.0, speed[1]), damping=damping, target=target, carriage=self._carriage()
+        )
+        if not np.isfinite(sums.force).all():
             raise StabilityError(
-                f"the explicit run diverged at a slide of {self.drive[0]:.3g} mm: take a smaller engine.safety"
+                f"the explicit run diverged at a slide of {self.body.drive[0]:.3g} mm: take a smaller engine.safety"
             )
         self._widen()
-        return total
+        return sums
 
-    def _carriage(self, ratio: float) -> FloatArray:
-        """Mass [t] and damping [N s/mm] of the carriage at constant force: the wheel's share of the solid cube."""
+    def _carriage(self) -> tuple[float, float]:
+        """Mass [t] and damping [N s/mm] of the carriage at constant force: those of the wheel's solid cube."""
         material, keys = self.settings.material, self.settings.plates
         mass = material.density * self.plates.area * keys.cube
         stiffness = material.youngs_modulus * self.plates.area / (2.0 * keys.cube)
-        return np.array([mass, 2.0 * ratio * np.sqrt(stiffness * mass)])
+        return mass, 2.0 * CARRIAGE_DAMPING * float(np.sqrt(stiffness * mass))
 
     def _squeeze(self) -> Curve:
         keys, touch = self.settings.engine, self.plates.first_touch
         target, speed = self.plates.target, keys.approach_speed
         rows = [(0.0, 0.0, 0.0, touch)]
 
-        def press(steps: int, velocity: float, until: float = 0.0) -> FloatArray:
-            total = self.advance(steps, (0.0, velocity), keys.squeeze_damping, until)
-            rows.append((touch - self.drive[2], total[2], -total[0], self.drive[2]))
-            return total
+        def press(steps: int, velocity: float) -> float:
+            sums = self.advance(steps, (0.0, velocity), keys.squeeze_damping)
+            height = float(self.body.drive[2])
+            rows.append((touch - height, sums.force[2], -sums.force[0], height))
+            return float(sums.force[2])
 
         rest = max(CHUNK, int(REST_S / self.dt))
         if target > 0.0:
             slowest = 0.02 * self.plates.settings.plates.edge
-            while press(CHUNK, -speed)[2] < 0.95 * target:
-                if touch - self.drive[2] > slowest + 4.0 * self.plates.likely_approach():
+            while press(CHUNK, -speed) < 0.95 * target:
+                if touch - self.body.drive[2] > slowest + 4.0 * self.plates.likely_approach():
                     raise StabilityError("the plates do not carry the pressure asked for: take a smaller load.pressure")
             approached, carried = np.array(rows[-4:])[:, :2].T
-            settled = press(rest, 0.0)[2]
+            settled = press(rest, 0.0)
             missing = (target - settled) * np.ptp(approached) / np.ptp(carried)  # by the stiffness just seen
             press(4 * CHUNK, -missing / (4 * CHUNK * self.dt))
             press(rest // 2, 0.0)
@@ -209,55 +214,66 @@ class _Run:
             press(2 * rest, 0.0)
         return _curve(np.array(rows), 0.0)
 
-    def _slide(self) -> tuple[Curve, FloatArray]:
+    def _slide(self) -> tuple[Curve, float, float, float, float]:
         keys, slide = self.settings.engine, self.settings.load.slide
         target = self.plates.target if self.settings.load.control == "force" else 0.0
-        rows, total = [], np.zeros(7)
-        ends = np.linspace(0.0, slide, keys.samples + 1)[1:]
-        for end in ends:
-            speed = keys.speed * min(1.0, (end / (START * slide)) ** 0.5)
-            steps = max(1, round((end - self.drive[0]) / speed / self.dt))
-            speed = (end - self.drive[0]) / (steps * self.dt)
-            sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target, CARRIAGE_DAMPING)
-            total[3:6] += sums[3:6]
-            rows.append((end, sums[2], -sums[0], self.drive[2]))
-        return _curve(np.array(rows), 0.0), total
-
-    def _stored(self) -> tuple[float, float, float]:
-        """Energy in the beams, in the contacts, and kinetic energy [N mm]."""
-        lattice = self.plates.lattice
-        force = np.zeros_like(self.u)
-        kernels.beam_forces(
-            self.u, force, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist
-        )
-        live = self.live[: self.window[1]]
-        contact = kernels.contact_energy(
-            self.u, live, self.encounters.pair, self.encounters.apart, self.encounters.law, self.history, *self.drive
-        )
-        return float(-0.5 * np.sum(self.u * force)), float(contact), self.kinetic
+        rows, stretches = [], []
+        for end in np.linspace(0.0, slide, keys.samples + 1)[1:]:
+            way = end - self.body.drive[0]
+            steps = max(1, round(way / (keys.speed * min(1.0, (end / (START * slide)) ** 0.5)) / self.dt))
+            speed = way / (steps * self.dt)
+            sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target)
+            rows.append((end, sums.force[2], -sums.force[0], self.body.drive[2]))
+            stretches.append((sums.work, sums.friction, sums.damping, sums.released))
+        work, friction, damping, released = (float(total) for total in np.sum(stretches, axis=0))
+        return _curve(np.array(rows), 0.0), work, friction, damping, released
 
     def _widen(self) -> None:
         """Look farther for encounters when the wheel or a sphere has gone beyond what they allow for."""
-        live = self.live[: self.window[1]]
-        pair = self.encounters.pair[live]
-        between = self.encounters.apart[live] - self.drive
-        moved = self.u[pair[:, 0], :3] - self.u[pair[:, 1], :3]
+        meet, live, height = self.body.encounters, self.body.live, self.body.drive[2]
+        pair = meet.pair[live]
+        between = meet.apart[live] - self.body.drive
+        moved = self.body.u[pair[:, 0], :3] - self.body.u[pair[:, 1], :3]
         closing = float(np.max(np.einsum("pa,pa->p", moved, between) / np.linalg.norm(between, axis=1), initial=0.0))
         low, high = self.range
-        if low <= self.drive[2] <= high and closing <= self.margin:
+        if low <= height <= high and closing <= self.margin:
             return
         reach = 0.3 * (high - low)
-        self.range = (min(low, self.drive[2] - reach), max(high, self.drive[2] + reach))
+        self.range = (min(low, height - reach), max(high, height + reach))
         self.margin = max(self.margin, 1.5 * closing)
-        old, history = self.encounters, self.history
-        self._meet(self.plates.encounters(*self.range, self.margin))
-        nodes = self.plates.lattice.nodes
-        keys = self.encounters.pair @ np.array([nodes, 1])
-        order = np.argsort(keys)
-        known = old.pair @ np.array([nodes, 1])
-        place = order[np.minimum(np.searchsorted(keys[order], known), len(order) - 1)]
-        same = keys[place] == known
-        self.history[place[same]] = history[same]
+        self.body.meet(self.plates.encounters(*self.range, self.margin))
+
+
+def _fragile(plates: Plates, dt: float, micro_friction: float, encounters: Encounters) -> _Body:
+    from .breakage import Breaking
+
+    contact, strengths = plates.settings.contact, plates.settings.engine.breakage
+    assert strengths is not None
+    return Breaking(
+        plates.lattice,
+        strengths,
+        dt=dt,
+        contact_modulus=contact.normal_stiffness * plates.settings.material.youngs_modulus,
+        tangential_ratio=contact.tangential_ratio,
+        micro_friction=micro_friction,
+        encounters=encounters,
+        wheel_nodes=plates.wheel.nodes,
+    )
+
+
+def _breaks(body: _Body) -> Breaks | None:
+    if isinstance(body, Linear):
+        return None
+    from .breakage import TENSION, Breaking
+
+    assert isinstance(body, Breaking)
+    broken = body.broken
+    return Breaks(
+        time=broken.time.tolist(),
+        slide=broken.slide.tolist(),
+        mode=["tension" if mode == TENSION else "shear" for mode in broken.mode],
+        place=[tuple(place) for place in broken.place.tolist()],
+    )
 
 
 def _curve(rows: FloatArray, start: float) -> Curve:

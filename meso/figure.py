@@ -1,7 +1,7 @@
 """What the figures share: a sheet to draw on, colours, and how they are saved.
 
-The colours are those of Okabe and Ito, which the colour-blind can tell apart. matplotlib is imported where it is used,
-and without its interactive part.
+The colours are those of Okabe and Ito, which the colour-blind can tell apart, but for a redder red. matplotlib is
+imported where it is used, and without its interactive part.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from typing import Any
 
 from .files import replacing
 
-BLUE, RED, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLUE, RED, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#C8352B", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 DPI = 180
 
 
-def sheet(width: float, height: float) -> Any:
+def sheet(width: float, height: float, layout: str | None = "constrained") -> Any:
     """An empty figure of this size [inch]."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    return Figure(figsize=(width, height), dpi=DPI, layout=layout)
 
 
 def plain(axes: Any, *, grid: bool = True) -> None:
@@ -39,5 +39,5 @@ def save(figure: Any, target: Path) -> Path:
         OutputError: it cannot be written.
     """
     with replacing(target) as draft:
-        figure.savefig(draft)
+        figure.savefig(draft, pil_kwargs={"compress_level": 3})  # twice as fast as 6, a seventh larger
     return target

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from .errors import SettingsError
 from .plates import Plates, make_plates
 from .records import Slide
 from .settings import Settings
@@ -102,8 +101,6 @@ def engine_name(settings: Settings) -> str:
 def prepared(plates: Plates) -> Engine:
     """The engine that the settings ask for, ready to slide."""
     name = engine_name(plates.settings)
-    if plates.settings.engine.breakage is not None:
-        raise SettingsError("engine.breakage is not wired yet")
     if name == "explicit":
         from .explicit import Explicit
 

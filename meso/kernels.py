@@ -225,8 +225,9 @@ def march(
     """`steps` leapfrog steps of both plates while the wheel is carried along; returns the number of live encounters.
 
     drive (3,): where the wheel is [mm], moved in place by speed (3,) [mm/s]. With target > 0 [N] the carriage falls
-    freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Encounters are sorted by `first`, the slide at which they
-    may begin; window (2,) holds the next one to begin and the number alive, `live` their numbers.
+    freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Encounters are sorted
+    by `first`, the slide at which they may begin; window (2,) holds the next one to begin and the number alive,
+    `live` their numbers.
     total (7,): sums over the steps of the force on the wheel (3) [N], work lost in friction, in damping, work done
     by the drive [N mm], and at its end twice the kinetic energy of the last step [N mm].
     """

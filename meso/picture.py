@@ -60,7 +60,8 @@ def draw(
     shape = (SAMPLES * int(np.ceil((high[1] - low[1]) * scale / SAMPLES)), SAMPLES * width)
     depth, owner = _buffers((place - [*low, 0.0]) * scale, radii * scale, shape)
     image = _shaded(depth, owner, (place - [*low, 0.0]) * scale, radii * scale, colours)
-    image = sum(image[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)) / SAMPLES**2
+    parts = [image[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)]
+    image = np.add.reduce(parts) / np.float32(len(parts))
     image[..., :3] /= np.maximum(image[..., 3:], 1e-9)  # what is half background keeps its colour
     top = low[1] + shape[0] / scale
     return np.rint(255.0 * image[::-1]).astype(np.uint8), (float(low[0]), float(high[0]), float(low[1]), float(top))
@@ -99,9 +100,9 @@ def _shaded(
     """Colour times opacity, and opacity, at each sample: matt light, and darker where neighbours are in front."""
     from scipy.ndimage import uniform_filter
 
-    rows, columns = np.nonzero(owner >= 0)
-    k = owner[rows, columns]
-    seen = depth[rows, columns]
+    flat = np.flatnonzero(owner >= 0)
+    rows, columns = np.divmod(flat.astype(np.int32), np.int32(owner.shape[1]))
+    k, seen = owner.ravel()[flat], depth.ravel()[flat]
     # (sample - centre) . light / radius, without a table of samples
     centre, inverse = (place @ LIGHT).astype(np.float32)[k], (1.0 / radii).astype(np.float32)[k]
     right, up, near = LIGHT.astype(np.float32)
@@ -110,11 +111,12 @@ def _shaded(
     size = 2 * int(1.5 * radii.mean()) + 1
     filled = np.where(owner >= 0, depth, seen.min())
     # what lies deeper than its surroundings gets less light (Luft, Colditz, Deussen 2006, doi 10.1145/1141911.1142016)
-    pit = (uniform_filter(filled, size)[rows, columns] - seen) * np.float32(0.5 / radii.mean())
+    pit = (uniform_filter(filled, size).ravel()[flat] - seen) * np.float32(0.5 / radii.mean())
     shade = (0.36 + 0.72 * light) * (1.0 - 0.55 * np.clip(pit, 0.0, 1.0))
     glint = light * light
     glint = 0.16 * (glint * glint * glint) ** 4
-    image = np.zeros((*depth.shape, 4), dtype=np.float32)
-    image[rows, columns, :3] = np.minimum(colours.astype(np.float32)[k] * shade[:, None] + glint[:, None], 1.0)
-    image[rows, columns, 3] = 1.0
-    return image
+    image = np.zeros((depth.size, 4), dtype=np.float32)
+    for channel in range(3):
+        image[flat, channel] = np.minimum(colours[:, channel].astype(np.float32)[k] * shade + glint, 1.0)
+    image[flat, 3] = 1.0
+    return image.reshape(*depth.shape, 4)

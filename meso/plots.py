@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -23,14 +23,19 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 PIXELS = 420
 """Points along 1 mm of a map."""
+MANY = 6
+"""Slides named in a figure; more are drawn without."""
+WIDTH = 1250
+"""Pixels of the picture of the plates."""
 STEEPNESS = 8.0
 """Heights are multiplied by this for the shading of a map [-]."""
 
 
 def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], slides: Sequence[Slide]) -> list[Path]:
     """Every figure of a run. Raises OutputError when one cannot be written."""
+    radius = float(plates.lattice.radii.mean())
     drawn = {
-        "surfaces.png": surfaces(plates.wheel_packing.surface, plates.axle_packing.surface, envelopes),
+        "surfaces.png": surfaces(plates.wheel_packing.surface, plates.axle_packing.surface, envelopes, radius),
         "plates.png": plates_seen(plates),
         "forces.png": forces(slides),
     }
@@ -40,65 +45,57 @@ def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], s
 def surface(face: Surface, title: str) -> Any:
     """One rough face as a map."""
     length, width = face.size
-    figure = sheet(2.2 + 3.6 * length / width, 4.1)
+    figure = sheet(1.55 + 3.3 * length / width, 4.1, "compressed")
     axes = figure.subplots()
-    _maps(figure, [(axes, face)], "height [µm]")
+    _maps(figure, [axes], [face])
     axes.set_title(title, fontsize=10)
     axes.set_xlabel("x, along the slide [mm]", fontsize=9)
     axes.set_ylabel("y [mm]", fontsize=9)
     return figure
 
 
-def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface]) -> Any:
-    """Both rough faces as maps, and below them the envelopes of the spheres that stand for them."""
+def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radius: float) -> Any:
+    """Both rough faces as maps; below them the envelopes of the spheres, of mean `radius` [mm], that stand for them."""
     ratio = axle.size[0] / wheel.size[0]
-    figure = sheet(9.2, 1.5 + 15.0 / (1.0 + ratio) * min(wheel.size[1] / wheel.size[0], 2.0))
+    figure = sheet(1.6 + 2.5 * (1.0 + ratio), 1.45 + 5.0 * wheel.size[1] / wheel.size[0], "compressed")
     axes = figure.subplots(2, 2, width_ratios=[1.0, ratio], sharex="col", sharey=True)
-    rows = [("wheel", wheel), ("axle", axle)], [(body, envelopes[body]) for body in ("wheel", "axle")]
-    for row, bodies, what in zip(axes, rows, ("surface", "envelope of its spheres"), strict=True):
-        _maps(figure, [(each, face) for each, (_, face) in zip(row, bodies, strict=True)], "height [µm]")
-        row[0].set_ylabel("y [mm]", fontsize=9)
-        for each, (body, face) in zip(row, bodies, strict=True):
-            each.set_title(f"{body}: {what}, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
-    for each in axes[1]:
+    _maps(figure, axes[0], [wheel, axle])
+    _maps(figure, axes[1], list(envelopes.values()), depth=radius)
+    for each, body, face in zip(axes[0], ("wheel", "axle"), (wheel, axle), strict=True):
+        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
+    for each, (body, face) in zip(axes[1], envelopes.items(), strict=True):
+        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5)
         each.set_xlabel("x, along the slide [mm]", fontsize=9)
+    for each in axes[:, 0]:
+        each.set_ylabel("y [mm]", fontsize=9)
     return figure
 
 
-def _maps(figure: Any, maps: Iterable[tuple[Any, Surface]], label: str) -> None:
-    """Shaded maps in one scale of colours, with its bar."""
+def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: float = np.inf) -> None:
+    """Shaded maps in one scale of colours, with its bar; it ends `depth` [mm] below the highest point."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LightSource, Normalize
+    from matplotlib.ticker import MaxNLocator
 
-    maps = list(maps)
-    colours = colormaps["viridis"]
-    scale = Normalize(*(1e3 * f(f(face.heights) for _, face in maps) for f in (min_of, max_of)))
-    for axes, face in maps:
+    colours, light = colormaps["viridis"], LightSource(azdeg=135, altdeg=50)
+    high = max(float(face.heights.max()) for face in faces)
+    low = max(min(float(face.heights.min()) for face in faces), high - depth)
+    scale = Normalize(1e3 * low, 1e3 * max(high, low + 1e-9))
+    for each, face in zip(axes, faces, strict=True):
         length, width = face.size
-        x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / max(width, 0.3 * length)))) for side in face.size)
-        heights = face.at(x[None, :], y[:, None])
-        rgb = colours(scale(1e3 * heights))[..., :3]
-        light = LightSource(azdeg=135, altdeg=50)
-        shade = light.hillshade(heights, vert_exag=STEEPNESS, dx=x[1], dy=-y[1])  # rows from below
-        axes.imshow(
-            np.clip(rgb * (0.45 + 0.75 * shade[..., None]), 0.0, 1.0),
-            extent=(0.0, length, 0.0, width), origin="lower", interpolation="nearest",
-        )  # fmt: skip
-        axes.tick_params(labelsize=8.5)
-    bar = figure.colorbar(ScalarMappable(scale, colours), ax=[axes for axes, _ in maps], pad=0.015, aspect=18)
-    bar.set_label(label, fontsize=9)
+        x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / width))) for side in face.size)
+        heights = face.at(x[None, :], y[:, None])  # rows from below, hence -dy
+        shade = light.hillshade(heights, vert_exag=STEEPNESS if depth == np.inf else 1.0, dx=x[1], dy=-y[1])
+        rgb = colours(scale(1e3 * heights))[..., :3] * (0.62 + 0.50 * shade[..., None])
+        extent = (0.0, length, 0.0, width)
+        each.imshow(np.clip(rgb, 0.0, 1.0), extent=extent, origin="lower", interpolation="nearest")
+        each.tick_params(labelsize=8.5)
+        each.xaxis.set_major_locator(MaxNLocator(max(2, round(5 * length / width)), steps=[1, 2, 5, 10]))
+    extend = "min" if depth < np.inf else "neither"
+    bar = figure.colorbar(ScalarMappable(scale, colours), ax=list(axes), pad=0.015, aspect=18, extend=extend)
+    bar.set_label("height [µm]", fontsize=9)
     bar.ax.tick_params(labelsize=8.5)
-
-
-def min_of(values: Any) -> float:
-    """The smallest of an array, or of some numbers."""
-    return float(values.min()) if isinstance(values, np.ndarray) else min(values)
-
-
-def max_of(values: Any) -> float:
-    """The largest of an array, or of some numbers."""
-    return float(values.max()) if isinstance(values, np.ndarray) else max(values)
 
 
 def plates_seen(plates: Plates) -> Any:
@@ -112,12 +109,15 @@ def plates_seen(plates: Plates) -> Any:
         centres.append(lattice.centres[shown] + shift)
         radii.append(lattice.radii[shown])
         colours.append(_shades(colour, int(shown.sum())))
-    image, extent = draw(view, *(np.concatenate(each) for each in (centres, radii, colours)), width=1250)
-    figure = sheet(8.6, 8.6 * 1.12 * image.shape[0] / image.shape[1])
+    image, extent = draw(view, np.concatenate(centres), np.concatenate(radii), np.concatenate(colours), width=WIDTH)
+    left, right, bottom, top = extent
+    left, right, bottom, top = left - 0.06, right + 0.06, bottom - 0.16, top + 0.06
+    figure = sheet(8.6, 8.6 * (top - bottom) / (right - left), None)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(image, extent=extent, interpolation="antialiased")
+    axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
-    _label_plates(axes, view, plates, extent)
+    _label_plates(axes, view, plates)
     return figure
 
 
@@ -126,36 +126,34 @@ def _shades(colour: str, count: int) -> FloatArray:
     from matplotlib.colors import to_rgb
 
     tone = np.random.default_rng(0).uniform(0.80, 1.15, count)
-    return np.clip(np.array(to_rgb(colour)) * tone[:, None] + 0.04, 0.0, 1.0)
+    shades: FloatArray = np.clip(np.array(to_rgb(colour)) * tone[:, None] + 0.04, 0.0, 1.0)
+    return shades
 
 
-def _label_plates(axes: Any, view: View, plates: Plates, extent: tuple[float, float, float, float]) -> None:
+def _label_plates(axes: Any, view: View, plates: Plates) -> None:
     (length, width), thickness = plates.axle_packing.size, plates.settings.plates.thickness
     edge = plates.settings.plates.edge
-    top = 2.0 * thickness + plates.first_touch
-    off = 0.09 * width
-    left, right, bottom, above = extent
-    room = 0.10 * (right - left)
-    axes.set_xlim(left - 0.3 * room, right + 0.3 * room)
-    axes.set_ylim(bottom - 0.75 * room, above + 0.25 * room)
+    top, off = 2.0 * thickness + plates.first_touch, 0.07 * width
+    grey = "0.25"
 
-    def dimension(start: Sequence[float], end: Sequence[float], text: str, side: tuple[int, int]) -> None:
+    def arrow(start: Sequence[float], end: Sequence[float], text: str, side: tuple[int, int], **style: Any) -> None:
         a, b = view.flat([start, end])
-        axes.annotate("", b, a, arrowprops={"arrowstyle": "<->", "lw": 0.9, "color": "0.25"})
-        axes.annotate(
-            text, 0.5 * (a + b), side, textcoords="offset points", ha="center", va="center", fontsize=10, color="0.25"
-        )
+        axes.annotate("", b, a, arrowprops={"color": grey, "shrinkA": 0, "shrinkB": 0} | style)
+        place = {"textcoords": "offset points", "ha": "center", "va": "center"}
+        axes.annotate(text, 0.5 * (a + b), side, fontsize=11, color=grey, **place)
 
-    dimension((0.0, -off, 0.0), (length, -off, 0.0), f"{length:g} mm", (10, -10))
-    dimension((length + off, 0.0, 0.0), (length + off, width, 0.0), f"{width:g} mm", (20, -10))
+    between = {"arrowstyle": "<->", "lw": 0.9}
+    arrow((0.0, -off, 0.0), (length, -off, 0.0), f"{length:g} mm", (-12, -12), **between)
+    arrow((length + off, 0.0, 0.0), (length + off, width, 0.0), f"{width:g} mm", (24, -10), **between)
+    behind = width + 0.5 * off
+    slide = {"arrowstyle": "-|>", "lw": 2.2, "mutation_scale": 18}
+    arrow((edge + 0.1 * edge, behind, top), (edge + 0.5 * edge, behind, top), "slide", (8, 12), **slide)
     for text, colour, place in (
-        ("wheel", RED, (0.5 * edge, 0.55 * width, top + 0.12 * width)),
-        ("axle", BLUE, (length - 0.28 * edge, 0.55 * width, thickness + 0.16 * width)),
+        ("wheel", RED, (0.62 * edge, behind, top + 0.07 * width)),
+        ("axle", BLUE, (length - 0.12 * edge, behind, thickness + 0.07 * width)),
     ):
-        axes.text(*view.flat(place), text, fontsize=15, weight="bold", color=colour, ha="center", va="center")
-    a, b = view.flat([(edge + 0.08, 0.5 * width, top - 0.5 * thickness), (edge + 0.42, 0.5 * width, top - 0.5 * thickness)])
-    axes.annotate("", b, a, arrowprops={"arrowstyle": "-|>", "lw": 2.2, "color": "0.15", "mutation_scale": 18})
-    axes.annotate("slide", 0.5 * (a + b), (-4, 12), textcoords="offset points", ha="center", fontsize=11, color="0.15")
+        x, y = view.flat(place)
+        axes.text(x, y, text, fontsize=15, weight="bold", color=colour, ha="center", va="bottom")
 
 
 def forces(slides: Sequence[Slide]) -> Any:
@@ -167,11 +165,12 @@ def forces(slides: Sequence[Slide]) -> Any:
     first = slides[0]
     squeeze.plot(1e3 * first.squeeze.displacement, first.squeeze.normal, color="black", lw=1.5)
     slide.plot(first.curve.displacement, first.curve.normal, color="black", lw=1.3, label="normal N")
-    many = len(slides) > 1
-    for each, colour in zip(slides, _colours(len(slides)), strict=True):
+    for k, (each, colour) in enumerate(zip(slides, _colours(len(slides)), strict=True)):
         squeeze.plot(1e3 * each.squeeze.displacement, each.squeeze.tangential, color=colour, lw=1.2)
-        label = f"tangential T, micro {each.micro_friction:g}" if many else "tangential T"
-        slide.plot(each.curve.displacement, each.curve.tangential, color=colour, lw=1.2, label=label)
+        label = f"tangential T, micro {each.micro_friction:g}" if len(slides) > 1 else "tangential T"
+        slide.plot(
+            each.curve.displacement, each.curve.tangential, color=colour, lw=1.2, label=label if k < MANY else None
+        )
         _ratio(ratio, each.curve, colour)
     _scale_ratio(ratio, [each.curve for each in slides])
     top = max(1.0, *(float(each.curve.normal.max()) for each in slides), float(first.squeeze.normal.max()))
@@ -196,13 +195,11 @@ def forces(slides: Sequence[Slide]) -> Any:
 
 
 def _numbers(slides: Sequence[Slide]) -> str:
-    lines = ["micro    meso"] if len(slides) > 1 else []
-    for each in slides[:6]:
-        meso = f"{each.curve.coefficient:.4f} ± {each.curve.uncertainty:.4f}"
-        lines.append(f"{each.micro_friction:<6g} {meso}" if len(slides) > 1 else f"micro  {each.micro_friction:g}\nmeso  {meso}")
-    if len(slides) > 6:
-        lines.append("…")
-    return "\n".join(lines)
+    """Coefficients of the first few slides, micro and meso."""
+    lines = ["friction micro → meso"]
+    for each in slides[:MANY]:
+        lines.append(f"{each.micro_friction:g} → {each.curve.coefficient:.4f} ± {each.curve.uncertainty:.4f}")
+    return "\n".join([*lines, "…"] if len(slides) > MANY else lines)
 
 
 def _ratio(axes: Any, curve: Curve, colour: Any) -> None:
@@ -229,19 +226,19 @@ def _colours(count: int) -> list[Any]:
     return [COLOURS[k % len(COLOURS)] for k in range(count)]
 
 
-def influence_radius(points: Sequence[Influence]) -> Any:
+def influence_radius(points: Sequence[Influence], title: str = "") -> Any:
     """Macroscopic modulus and Poisson ratio against the radius ratio of the beams, a line for each of their moduli."""
     return _influence(
         points, lambda p: p.beams.radius_ratio, lambda p: p.beams.youngs_modulus,
-        "radius ratio of the beams [-]", lambda modulus: f"{modulus / 1e6:g} TPa", "modulus of the beams",
+        "radius ratio of the beams [-]", lambda modulus: f"{modulus / 1e6:g} TPa", "modulus of the beams", title,
     )  # fmt: skip
 
 
-def influence_modulus(points: Sequence[Influence]) -> Any:
+def influence_modulus(points: Sequence[Influence], title: str = "") -> Any:
     """Macroscopic modulus and Poisson ratio against the modulus of the beams, a line for each radius ratio."""
     return _influence(
         points, lambda p: p.beams.youngs_modulus / 1e6, lambda p: p.beams.radius_ratio,
-        "modulus of the beams [TPa]", lambda ratio: f"{ratio:g}", "radius ratio",
+        "modulus of the beams [TPa]", lambda ratio: f"{ratio:g}", "radius ratio", title,
     )  # fmt: skip
 
 
@@ -251,6 +248,7 @@ def _influence(
     family: Callable[[Influence], float],
     label: str,
     name: Callable[[float], str],
+    legend: str,
     title: str,
 ) -> Any:
     figure = sheet(8.2, 3.5)
@@ -272,5 +270,7 @@ def _influence(
     for axes in (left, right):
         axes.set_xlabel(label)
         plain(axes)
-    left.legend(title=title, frameon=False, fontsize=9, title_fontsize=9)
+    if title:
+        figure.suptitle(title, fontsize=10)
+    left.legend(title=legend, frameon=False, fontsize=9, title_fontsize=9)
     return figure

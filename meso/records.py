@@ -87,6 +87,22 @@ def block_error(values: FloatArray, share: FloatArray | None = None) -> float:
     return float(np.sqrt(largest))
 
 
+@dataclass(frozen=True)
+class Sums:
+    """Over some time steps: what the explicit engine adds up."""
+
+    force: FloatArray
+    """Mean force on the wheel, shape (3,) [N]."""
+    work: float
+    """Done by the drive [N mm]."""
+    friction: float
+    """Lost in the contacts [N mm]."""
+    damping: float
+    """Lost in damping [N mm]."""
+    released: float
+    """By beams that broke [N mm]."""
+
+
 class Work(msgspec.Struct, frozen=True, kw_only=True):
     """The account of a slide [N mm]: drive = friction + damping + broken + changes of what is stored + imbalance."""
 

@@ -191,3 +191,27 @@ def test_curve_means() -> None:
     assert curve.coefficient == pytest.approx(0.1)
     assert curve.mean_of_ratio == pytest.approx(0.1)
     assert np.isnan(curve.friction[2])
+
+
+BREAKING = [*SMALL, "engine.name=explicit", "engine.samples=20"]
+
+
+def test_strong_beams_do_not_break_and_change_nothing_but_rotations() -> None:
+    strong = run(load(None, [*BREAKING, "engine.breakage={tensile_strength=1e9, shear_strength=1e9}"])).slides[0]
+    whole = run(load(None, BREAKING)).slides[0]
+    assert strong.breaks is not None
+    assert strong.breaks.time == []
+    assert whole.breaks is None
+    # the co-rotational lattice at strains of 1e-3
+    assert strong.curve.coefficient == pytest.approx(whole.curve.coefficient, rel=5e-3)
+
+
+def test_weak_beams_break_and_the_account_closes() -> None:
+    weak = run(load(None, [*BREAKING, "engine.breakage={tensile_strength=40e3, shear_strength=40e3}"])).slides[0]
+    assert weak.breaks is not None
+    assert 3 < len(weak.breaks.time) < 1000
+    assert set(weak.breaks.mode) <= {"tension", "shear"}
+    assert np.all(np.diff(weak.breaks.time) >= 0.0)
+    assert weak.work.broken > 0.0
+    assert abs(weak.work.imbalance) < 0.02
+    assert np.isfinite(weak.curve.coefficient)

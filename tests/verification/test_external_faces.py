@@ -1,0 +1,126 @@
+"""A plate and its external face against the steel cube that both stand for.
+
+The spheres along the front are moved at their centres, a mean distance g below the face: the cube is then loaded
+g below its top, and its stiffness is E A/(L - g), or G A/(L - g) in shear. (In a friction test the last g is the
+contact spring's.)
+
+The bars of the back end at the centres too, and there L - H is too short by the depth of the centre: that material
+is lost, and the plate 4 % too stiff. `to_the_centres` gives the bars their length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from meso.calibrate import sample, steel
+from meso.cholmod import factor
+from meso.lattice import BACK, ExternalFace, ExternalModulus, Lattice, build
+from meso.material import Material
+from meso.packing import Packing
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+MATERIAL = Material()
+SHEAR_MODULUS = MATERIAL.youngs_modulus / (2.0 * (1.0 + MATERIAL.poisson_ratio))
+CUBE, PLATE = 1.0, (1.0, 1.0, 0.3)  # mm
+PACKINGS = 8
+
+
+class Stiffness(NamedTuple):
+    """Of a plate on its external face, over that of the steel cube [-]."""
+
+    compression: float
+    shear: float
+
+
+@pytest.fixture(scope="module")
+def plates() -> list[Packing]:
+    return sample("plates on a cube", 0, spheres=1000, packings=PACKINGS, box=PLATE)
+
+
+def to_the_centres(lattice: Lattice) -> Lattice:
+    """Solid bars as long as they are: from the centres of the spheres to where they are held."""
+    depth = CUBE - PLATE[2]
+    return replace(lattice, anchors=lattice.anchors * (depth / (depth + lattice.centres[lattice.anchored, 2:])))
+
+
+def on_face(plate: Packing, face: ExternalFace = "solid", modulus: ExternalModulus = "series") -> Lattice:
+    return build(plate, MATERIAL, steel(), cube=CUBE, external_face=face, external_modulus=modulus)
+
+
+def front_stiffness(plate: Packing, lattice: Lattice) -> Stiffness:
+    """The front moves as one: along z and free across in compression; along x in shear, and not along z."""
+    gap = PLATE[2] - plate.centres[:, 2]
+    front = np.flatnonzero(gap < BACK * plate.radii)
+    cube = PLATE[0] * PLATE[1] / (CUBE - gap[front].mean())
+    compliance = factor(lattice.stiffness(), last=front).compliance()
+    x, z = 6 * np.arange(len(front)), 6 * np.arange(len(front)) + 2
+    pressed = np.linalg.solve(compliance[np.ix_(z, z)], np.ones(len(front))).sum()
+    both = np.concatenate([x, z])
+    moved = np.concatenate([np.ones(len(front)), np.zeros(len(front))])
+    sheared = np.linalg.solve(compliance[np.ix_(both, both)], moved)[: len(front)].sum()
+    return Stiffness(pressed / (cube * MATERIAL.youngs_modulus), sheared / (cube * SHEAR_MODULUS))
+
+
+def mean(found: list[Stiffness]) -> Stiffness:
+    return Stiffness(*np.mean(found, axis=0))
+
+
+@pytest.mark.xfail(strict=True, reason="bars of length L - H leave out the depth of the centres they end at")
+def test_plate_on_bars_as_built_is_as_stiff_as_the_cube(plates: list[Packing]) -> None:
+    """3 %: one plate differs by 1 % from the next. Found: 5 % too stiff."""
+    found = mean([front_stiffness(plate, on_face(plate)) for plate in plates])
+    assert found.compression == pytest.approx(1.0, abs=0.03)
+
+
+def test_plate_on_bars_to_the_centres_is_as_stiff_as_the_cube(plates: list[Packing]) -> None:
+    """3 % in compression, as above. In shear 5 %: the sides of plate and cube are free, G A/(L - g) is not exact."""
+    found = mean([front_stiffness(plate, to_the_centres(on_face(plate))) for plate in plates])
+    assert found.compression == pytest.approx(1.0, abs=0.03)
+    assert found.shear == pytest.approx(1.0, abs=0.05)
+
+
+def test_modulus_of_the_paper_makes_bars_too_soft(plates: list[Packing]) -> None:
+    """By (L - H)^2/L^2 = 0.49, since it spreads the force over (L - H)^2 and not L^2; the whole is then 0.57."""
+    depth = CUBE - PLATE[2]
+    for plate in plates[:2]:
+        series, paper = (to_the_centres(on_face(plate, modulus=name)) for name in ("series", "paper"))
+        assert paper.anchors == pytest.approx(depth**2 / CUBE**2 * series.anchors, rel=1e-12)
+        stiffness = front_stiffness(plate, series).compression
+        # two springs in series: the bars, then the rest
+        bars = series.anchors[:, 0].sum() * (CUBE - front_gap(plate)) / (MATERIAL.youngs_modulus * CUBE**2)
+        softer = 1.0 / (1.0 / stiffness + (CUBE**2 / depth**2 - 1.0) / bars)
+        found = front_stiffness(plate, paper).compression
+        assert found == pytest.approx(softer, rel=0.02)
+        assert found < 0.65
+
+
+def front_gap(plate: Packing) -> float:
+    gap = PLATE[2] - plate.centres[:, 2]
+    return float(gap[gap < BACK * plate.radii].mean())
+
+
+def test_bars_that_bend_are_tens_of_times_too_soft_in_shear(plates: list[Packing]) -> None:
+    """A bar of the length l and radius R has 12 EI/l^3 = (EA/l) 3 R^2/l^2 across; the solid has (EA/l)/2.6.
+
+    With R = 0.035 mm and l = 0.7 mm the ratio is 50 for the bars; the plate's own shear leaves about 40.
+    In compression both kinds are the same.
+    """
+    plate = plates[0]
+    solid, beams = (front_stiffness(plate, on_face(plate, face)) for face in ("solid", "beams"))
+    assert beams.compression == pytest.approx(solid.compression, rel=0.01)
+    assert 30.0 < solid.shear / beams.shear < 50.0
+
+
+def test_bars_in_series_carry_what_the_solid_would(plates: list[Packing]) -> None:
+    """Pushed back as a whole, N bars have E A/l in all, and G A/l across: l = L - H to the centre at most 4 % more."""
+    lattice = on_face(plates[0])
+    solid = MATERIAL.youngs_modulus * PLATE[0] * PLATE[1] / (CUBE - PLATE[2])
+    assert lattice.anchors[:, 0].sum() == pytest.approx(solid, rel=0.06)
+    shear = SHEAR_MODULUS / MATERIAL.youngs_modulus
+    assert lattice.anchors[:, 1] == pytest.approx(shear * lattice.anchors[:, 0], rel=1e-12)
