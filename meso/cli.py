@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 USER_MISTAKE, INTERRUPTED = 2, 130
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 """Of the figures of a calibration [-]."""
-MODULI = (0.5, 1.0, 2.0)
+MODULI = (0.5, 1.0, 1.5, 2.0)
 """Of the figures of a calibration, over the modulus found [-]."""
 LIGHT_CUBE = 1000
-"""Spheres, at most, in the cube that is pulled for these figures: 24 pairs of parameters take some seconds."""
+"""Spheres, at most, in the cube that is pulled for these figures: 32 pairs of parameters take some seconds."""
 
 
 class Commands(click.Group):
@@ -252,8 +252,8 @@ def calibrate(
         f"{found.stiffening:.2f} times the material's modulus"
     )
     click.echo(
-        f"Scatter         {found.modulus_scatter:.1%} of the modulus, {found.poisson_scatter:.4f} in the Poisson ratio, "
-        f"from packing to packing (standard deviations{'' if packings > 1 else '; one packing has none'})"
+        f"Scatter         {found.modulus_scatter:.1%} of the modulus, {found.poisson_scatter:.4f} in the Poisson ratio,"
+        f" from packing to packing (standard deviations{'' if packings > 1 else '; one packing has none'})"
     )
     if not no_figures:
         from .figure import save

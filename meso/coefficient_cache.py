@@ -115,7 +115,7 @@ def code() -> str:
     """Hash of the calibrations, and of the sources of all modules that a coefficient goes through."""
     files = [PACKAGE / f"{module}.py" for module in sorted(reached("provider"))]
     whole = hashlib.sha256()
-    for file in files:
+    for file in [*files, *sorted(PACKAGE.glob("calibrations/*.toml"))]:
         whole.update(f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
     return whole.hexdigest()[:20]
 

@@ -1,7 +1,7 @@
 """The lattice: spheres as mass points, a cylindrical Euler-Bernoulli beam where two touch, external faces behind.
 
 An external face stands for the solid behind a plate of thickness H, up to a cube of edge L: each sphere along the
-back is tied to a point L - H behind it that is held.
+back is tied to a point L - H behind the plate that is held.
 """
 
 from __future__ import annotations
@@ -175,15 +175,16 @@ def _external_face(
     radius = packing.radii[back]
     section = np.pi * radius**2
     area = packing.size[0] * packing.size[1] if modulus == "series" else depth**2
-    axial = material.youngs_modulus * area / section.sum() * section / depth
+    length = depth + packing.centres[back, 2]  # up to the centres: what lies below them is not part of the lattice
+    axial = material.youngs_modulus * area / section.sum() * section / length
     anchors = np.zeros((len(back), 5))
     anchors[:, 0] = axial
     if kind == "solid":
         anchors[:, 1] = axial / (2.0 * (1.0 + material.poisson_ratio))
     else:
         bending = axial * radius**2 / 4.0  # EI/l = (EA/l) R^2/4
-        anchors[:, 1] = 12.0 * bending / depth**2
-        anchors[:, 2] = -6.0 * bending / depth  # the far end lies at -z
+        anchors[:, 1] = 12.0 * bending / length**2
+        anchors[:, 2] = -6.0 * bending / length  # the far end lies at -z
         anchors[:, 3] = 4.0 * bending
         anchors[:, 4] = bending * (1.0 + beams.twist)
     return back, anchors

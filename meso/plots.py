@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .figure import BLUE, COLOURS, RED, plain, save, sheet
+from .figure import BLUE, COLOURS, RED, placed, plain, save, sheet
 from .picture import View, draw, outside
 from .roughness import measure
 from .surface import Surface
@@ -27,8 +27,8 @@ MANY = 6
 """Slides named in a figure; more are drawn without."""
 WIDTH = 1250
 """Pixels of the picture of the plates."""
-STEEPNESS = 8.0
-"""Heights are multiplied by this for the shading of a map [-]."""
+STEEPNESS = 0.16
+"""Root mean square slope that a map is shaded for [-]: heights are stretched to it."""
 
 
 def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], slides: Sequence[Slide]) -> list[Path]:
@@ -44,9 +44,10 @@ def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], s
 
 def surface(face: Surface, title: str) -> Any:
     """One rough face as a map."""
-    length, width = face.size
-    figure = sheet(1.55 + 3.3 * length / width, 4.1, "compressed")
-    axes = figure.subplots()
+    scale, (length, width) = 3.3 / max(face.size[1], 0.3 * face.size[0]), face.size
+    across, up = scale * length, scale * width
+    figure = sheet(across + 1.6, up + 0.85)
+    axes = placed(figure, 0.55, 0.5, across, up)
     _maps(figure, [axes], [face])
     axes.set_title(title, fontsize=10)
     axes.set_xlabel("x, along the slide [mm]", fontsize=9)
@@ -56,18 +57,22 @@ def surface(face: Surface, title: str) -> Any:
 
 def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radius: float) -> Any:
     """Both rough faces as maps; below them the envelopes of the spheres, of mean `radius` [mm], that stand for them."""
-    ratio = axle.size[0] / wheel.size[0]
-    figure = sheet(1.6 + 2.5 * (1.0 + ratio), 1.45 + 5.0 * wheel.size[1] / wheel.size[0], "compressed")
-    axes = figure.subplots(2, 2, width_ratios=[1.0, ratio], sharex="col", sharey=True)
+    scale = 7.4 / (wheel.size[0] + axle.size[0])
+    across, up = [scale * face.size[0] for face in (wheel, axle)], scale * wheel.size[1]
+    figure = sheet(sum(across) + 1.85, 2.0 * up + 1.25)
+    lefts, bottoms = (0.55, 0.8 + across[0]), (0.85 + up, 0.48)
+    axes = [[placed(figure, x, y, w, up) for x, w in zip(lefts, across, strict=True)] for y in bottoms]
     _maps(figure, axes[0], [wheel, axle])
     _maps(figure, axes[1], list(envelopes.values()), depth=radius)
     for each, body, face in zip(axes[0], ("wheel", "axle"), (wheel, axle), strict=True):
         each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
+        each.tick_params(labelbottom=False)
     for each, (body, face) in zip(axes[1], envelopes.items(), strict=True):
         each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5)
         each.set_xlabel("x, along the slide [mm]", fontsize=9)
-    for each in axes[:, 0]:
-        each.set_ylabel("y [mm]", fontsize=9)
+    for left, right in axes:
+        left.set_ylabel("y [mm]", fontsize=9)
+        right.tick_params(labelleft=False)
     return figure
 
 
@@ -78,7 +83,10 @@ def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: flo
     from matplotlib.colors import LightSource, Normalize
     from matplotlib.ticker import MaxNLocator
 
-    colours, light = colormaps["viridis"], LightSource(azdeg=135, altdeg=50)
+    colours, light = (
+        colormaps["viridis"],
+        LightSource(azdeg=45, altdeg=50),
+    )  # along the diagonals of the cells: they show least
     high = max(float(face.heights.max()) for face in faces)
     low = max(min(float(face.heights.min()) for face in faces), high - depth)
     scale = Normalize(1e3 * low, 1e3 * max(high, low + 1e-9))
@@ -86,14 +94,17 @@ def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: flo
         length, width = face.size
         x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / width))) for side in face.size)
         heights = face.at(x[None, :], y[:, None])  # rows from below, hence -dy
-        shade = light.hillshade(heights, vert_exag=STEEPNESS if depth == np.inf else 1.0, dx=x[1], dy=-y[1])
+        stretch = STEEPNESS / max(measure(face).Sdq, 1e-6) if depth == np.inf else 1.0
+        shade = light.hillshade(heights, vert_exag=stretch, dx=x[1], dy=-y[1])
         rgb = colours(scale(1e3 * heights))[..., :3] * (0.62 + 0.50 * shade[..., None])
         extent = (0.0, length, 0.0, width)
         each.imshow(np.clip(rgb, 0.0, 1.0), extent=extent, origin="lower", interpolation="nearest")
         each.tick_params(labelsize=8.5)
         each.xaxis.set_major_locator(MaxNLocator(max(2, round(5 * length / width)), steps=[1, 2, 5, 10]))
     extend = "min" if depth < np.inf else "neither"
-    bar = figure.colorbar(ScalarMappable(scale, colours), ax=list(axes), pad=0.015, aspect=18, extend=extend)
+    last, (across, up) = axes[-1].get_position(), figure.get_size_inches()
+    place = placed(figure, across * last.x1 + 0.12, up * last.y0, 0.17, up * last.height)
+    bar = figure.colorbar(ScalarMappable(scale, colours), cax=place, extend=extend)
     bar.set_label("height [µm]", fontsize=9)
     bar.ax.tick_params(labelsize=8.5)
 
@@ -112,8 +123,9 @@ def plates_seen(plates: Plates) -> Any:
     image, extent = draw(view, np.concatenate(centres), np.concatenate(radii), np.concatenate(colours), width=WIDTH)
     left, right, bottom, top = extent
     left, right, bottom, top = left - 0.06, right + 0.06, bottom - 0.16, top + 0.06
-    figure = sheet(8.6, 8.6 * (top - bottom) / (right - left), None)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    across, up = 8.6, 8.6 * (top - bottom) / (right - left)
+    figure = sheet(across, up)
+    axes = placed(figure, 0.0, 0.0, across, up)
     axes.imshow(image, extent=extent, interpolation="antialiased")
     axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
@@ -159,9 +171,8 @@ def _label_plates(axes: Any, view: View, plates: Plates) -> None:
 def forces(slides: Sequence[Slide]) -> Any:
     """Squeeze and slide: normal and tangential force, and below their ratio with its mean and the error of the mean."""
     figure = sheet(8.2, 5.6)
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 3.4])
-    squeeze, slide = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    ratio, words = figure.add_subplot(grid[1, 1], sharex=slide), figure.add_subplot(grid[1, 0])
+    squeeze, slide = placed(figure, 0.65, 3.2, 1.6, 2.1), placed(figure, 2.85, 3.2, 5.2, 2.1)
+    ratio, words = placed(figure, 2.85, 0.5, 5.2, 2.4, sharex=slide), placed(figure, 0.25, 0.5, 1.6, 2.1)
     first = slides[0]
     squeeze.plot(1e3 * first.squeeze.displacement, first.squeeze.normal, color="black", lw=1.5)
     slide.plot(first.curve.displacement, first.curve.normal, color="black", lw=1.3, label="normal N")
@@ -190,7 +201,8 @@ def forces(slides: Sequence[Slide]) -> Any:
     words.set_axis_off()
     handles, labels = slide.get_legend_handles_labels()
     words.legend(handles, labels, loc="upper left", frameon=False, fontsize=9, handlelength=1.4, borderaxespad=0.0)
-    words.text(0.0, 0.0, _numbers(slides), transform=words.transAxes, fontsize=9, va="bottom", linespacing=1.5)
+    below = 0.94 - 0.088 * len(handles)
+    words.text(0.05, below, _numbers(slides), transform=words.transAxes, fontsize=9, va="top", linespacing=1.5)
     return figure
 
 
@@ -212,10 +224,12 @@ def _ratio(axes: Any, curve: Curve, colour: Any) -> None:
 
 
 def _scale_ratio(axes: Any, curves: Sequence[Curve]) -> None:
-    """Limits from the bulk of T/N: it runs off where contact is nearly lost."""
+    """Limits from T/N, or from the bulk of it: it runs off where contact is nearly lost."""
     values = np.concatenate([curve.friction[np.isfinite(curve.friction)] for curve in curves])
     if len(values):
-        low, high = np.quantile(values, [0.01, 0.99])
+        low, high = np.quantile(values, [0.02, 0.98])
+        if np.ptp(values) < 3.0 * (high - low):
+            low, high = values.min(), values.max()
         means = [curve.coefficient for curve in curves if np.isfinite(curve.coefficient)] or [0.0]
         low, high = min(low, 0.0, *means), max(high, *means)
         axes.set_ylim(low - 0.08 * (high - low) - 1e-4, high + 0.12 * (high - low) + 1e-4)
@@ -230,7 +244,8 @@ def influence_radius(points: Sequence[Influence], title: str = "") -> Any:
     """Macroscopic modulus and Poisson ratio against the radius ratio of the beams, a line for each of their moduli."""
     return _influence(
         points, lambda p: p.beams.radius_ratio, lambda p: p.beams.youngs_modulus,
-        "radius ratio of the beams [-]", lambda modulus: f"{modulus / 1e6:g} TPa", "modulus of the beams", title,
+        "radius ratio of the beams [-]", lambda modulus: f"{modulus / 1e6:.3g} TPa", "modulus of the beams", title,
+        nested=True,
     )  # fmt: skip
 
 
@@ -250,18 +265,21 @@ def _influence(
     name: Callable[[float], str],
     legend: str,
     title: str,
+    *,
+    nested: bool = False,
 ) -> Any:
     figure = sheet(8.2, 3.5)
-    left, right = figure.subplots(1, 2)
+    left, right = placed(figure, 0.65, 0.5, 3.3, 2.6), placed(figure, 4.7, 0.5, 3.3, 2.6)
     members = sorted({family(point) for point in points})
+    members = members[:: -(-len(members) // len(COLOURS))]  # as many as there are colours
     marks = ["o", "s", "^", "D", "v", "P"]
     for k, (member, colour) in enumerate(zip(members, _colours(len(members)), strict=True)):
         line = sorted((point for point in points if family(point) == member), key=along)
         x = [along(point) for point in line]
         style = {"color": colour, "marker": marks[k % len(marks)], "ms": 4, "lw": 1.2, "label": name(member)}
         left.plot(x, [point.test.youngs_modulus / 1e3 for point in line], **style)
-        # without an influence the lines lie on each other: each is a little smaller than the one below it
-        style |= {"ms": 7.0 - 1.6 * min(k, 3), "lw": 2.6 - 0.6 * min(k, 3)}
+        if nested:  # the lines lie on each other: each is a little smaller than the one below it
+            style |= {"ms": 7.5 - 1.8 * min(k, 3), "lw": 2.8 - 0.6 * min(k, 3)}
         right.plot(x, [point.test.poisson_ratio for point in line], **style)
     left.set_ylabel("Young's modulus of the packing [GPa]")
     right.set_ylabel("Poisson ratio of the packing [-]")

@@ -142,31 +142,35 @@ def plates_line(plates: Plates) -> str:
 
 def sentences(numbers: dict[str, Any]) -> list[str]:
     """A summary in a few lines for people."""
-    if numbers["meso_friction"] != numbers["meso_friction"]:
-        lines = ["Meso friction   none: the plates never touch while they slide; squeeze them more"]
-    else:
-        lines = [
-            f"Meso friction   {numbers['meso_friction']:.4f} ± {numbers['uncertainty']:.4f} for a micro coefficient of "
-            f"{numbers['micro_friction']:g}",
-            f"                (mean T over mean N = {numbers['mean_tangential_force_N']:.4g} N over "
-            f"{numbers['mean_normal_force_N']:.4g} N; ± is the standard error",
-            "                along this slide, what other surfaces of this kind may differ by)",
-        ]
+    lines = [_verdict(each) for each in numbers["slides"]]
+    if any(np.isfinite(each["uncertainty"]) for each in numbers["slides"]):
+        lines.append("Uncertainty     ± is the standard error along the slide, by which surfaces of this kind scatter")
     fit = numbers["affine_fit"]
     if fit is not None:
-        lines.append(
-            f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}, off by {fit['largest_residual']:.1g} at most"
-        )
-    if numbers["micro_friction"] == 0.07:
+        line = f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}"
+        off = f", off by {fit['largest_residual']:.1g} at most" if len(numbers["slides"]) > 2 else ""
+        lines.append(line + off)
+    if any(each["micro_friction"] == 0.07 for each in numbers["slides"]):
         lines.append(f"Compare         {PAPER}")
     for each in numbers["slides"]:
         if each["remark"]:
             lines.append(f"Remark          micro {each['micro_friction']:g}: {each['remark']}")
+    engines = " and ".join(dict.fromkeys(each["engine"] for each in numbers["slides"]))
     lines.append(
-        f"Engine          {numbers['engine']}; {numbers['packing_cpu_s']:.2f} s of CPU for the plates, "
+        f"Engine          {engines}; {numbers['packing_cpu_s']:.2f} s of CPU for the plates, "
         f"{numbers['run_cpu_s']:.2f} s for the rest"
     )
     return lines
+
+
+def _verdict(each: dict[str, Any]) -> str:
+    micro = f"{each['micro_friction']:g}"
+    if not np.isfinite(each["meso_friction"]):
+        return f"Meso friction   none for micro {micro}: the plates do not touch while they slide, squeeze them more"
+    return (
+        f"Meso friction   {each['meso_friction']:.4f} ± {each['uncertainty']:.4f} for micro {micro}: "
+        f"mean T {each['mean_tangential_force_N']:.4g} N over mean N {each['mean_normal_force_N']:.4g} N"
+    )
 
 
 def roughness_line(surface: Surface) -> str:
@@ -182,6 +186,6 @@ def packing_line(packing: Packing) -> str:
     numbers = packing_numbers(packing)
     return (
         f"{numbers['spheres']} spheres of {1e3 * numbers['mean_radius_mm']:.1f} µm in mean radius, "
-        f"{numbers['bonds']} beams, solid fraction {numbers['solid_fraction']:.3f}, coordination {numbers['coordination']:.2f}, "
-        f"largest overlap {numbers['largest_overlap']:.1%}"
+        f"{numbers['bonds']} beams, solid fraction {numbers['solid_fraction']:.3f}, coordination "
+        f"{numbers['coordination']:.2f}, largest overlap {numbers['largest_overlap']:.1%}"
     )

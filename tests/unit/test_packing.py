@@ -194,7 +194,9 @@ def test_unwritable_cache_is_done_without(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_two_processes_may_write_the_same_packing(cache: Path) -> None:
-    code = f"from meso.packing_cache import flat_packing as f; import zlib; print(zlib.crc32(f(*{BOX}).centres.tobytes()))"
+    code = (
+        f"from meso.packing_cache import flat_packing as f; import zlib; print(zlib.crc32(f(*{BOX}).centres.tobytes()))"
+    )
     both = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) for _ in range(2)]
     answers = {process.communicate(timeout=100)[0] for process in both}
     assert [process.returncode for process in both] == [0, 0]
