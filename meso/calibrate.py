@@ -147,7 +147,7 @@ def beams_for(material: Material) -> Beams:
     if material.poisson_ratio != stored.poisson_ratio:
         raise SettingsError(
             f"material: no beams are stored for poisson_ratio = {material.poisson_ratio:g}, only for "
-            f"{stored.poisson_ratio:g}: run macrofit-meso calibrate and give the beams it finds"
+            f"{stored.poisson_ratio:g}: run macrofit-meso calibrate and set beams.youngs_modulus and beams.radius_ratio"
         )
     return stored.beams(material.youngs_modulus)
 
@@ -370,5 +370,6 @@ def _scatter(spheres: int, tests: Sequence[TensileTest]) -> Scatter:
 def _critical_time_step(lattice: Lattice) -> float:
     """2 / sqrt(lambda_max(M^-1 K)) [s]."""
     root = diags(np.sqrt(lattice.inverse[:, [0, 0, 0, 1, 1, 1]]).ravel())
-    largest = eigsh(root @ lattice.stiffness() @ root, k=1, which="LA", tol=1e-3, return_eigenvectors=False)
+    start = np.random.default_rng(0).normal(size=6 * lattice.nodes)
+    largest = eigsh(root @ lattice.stiffness() @ root, k=1, which="LA", tol=1e-3, return_eigenvectors=False, v0=start)
     return float(2.0 / np.sqrt(largest[0]))

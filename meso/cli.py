@@ -236,7 +236,7 @@ def calibrate(
     from .files import replacing
     from .material import Material
 
-    material = Material(youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
+    material = Material(youngs_modulus=youngs_modulus, poisson_ratio=0.3)
     started = time.perf_counter()
     click.echo(
         f"Pulling         {packings} cubes of {spheres} spheres, about {1 + 3e-3 * packings * spheres:.0f} s ..."

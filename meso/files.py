@@ -43,4 +43,4 @@ def cache_folder() -> Path:
     if own:
         return Path(own)
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "macrofit"
+    return (Path(base) if base else Path("~/.cache").expanduser()) / "macrofit"

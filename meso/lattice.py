@@ -8,21 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csc_matrix
 
 from .errors import SettingsError
-from .material import Beams, Material
+from .material import Beams, ExternalFace, ExternalModulus, Material
 from .packing import Packing
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
-
-ExternalModulus = Literal["series", "paper"]
-ExternalFace = Literal["solid", "beams"]
 
 BACK = 1.25
 """A sphere belongs to the back of its plate where its centre is closer than this many radii [-]."""

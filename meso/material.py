@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from .errors import SettingsError
+
+ExternalModulus = Literal["series", "paper"]
+"""Of the bars behind a plate: see `meso.lattice.build`."""
+ExternalFace = Literal["solid", "beams"]
+"""How they resist shear: see `meso.lattice.build`."""
 
 
 class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -22,8 +29,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """rho_M [t/mm3]."""
 
     def __post_init__(self) -> None:
-        if not (self.youngs_modulus > 0.0 and self.density > 0.0):
-            raise SettingsError("material: youngs_modulus [MPa] and density [t/mm3] must be > 0")
+        if not (0.0 < self.youngs_modulus < float("inf") and 0.0 < self.density < float("inf")):
+            raise SettingsError("material: youngs_modulus [MPa] and density [t/mm3] must be numbers > 0")
         if not -1.0 < self.poisson_ratio < 0.5:
             raise SettingsError(f"material: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import packing, packing_kernels
+from . import packing, packing_kernels, surface
 from .errors import OutputError
 from .files import cache_folder, replacing
 from .packing import Packing, pack
@@ -61,5 +61,5 @@ def _key(*numbers: object) -> str:
 
 @functools.lru_cache(maxsize=1)
 def _code() -> str:
-    files = [Path(str(module.__file__)) for module in (packing, packing_kernels)]
+    files = [Path(str(module.__file__)) for module in (packing, packing_kernels, surface)]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

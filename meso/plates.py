@@ -38,6 +38,11 @@ def rough_face(keys: SurfaceKeys, body: Body, seed: int, size: tuple[float, floa
     return self_affine(rng, shape=shape, rms_height=keys.rms_height, hurst_exponent=keys.hurst_exponent, size=size)
 
 
+def beams_of(settings: Settings) -> Beams:
+    """The beams of the settings, or those calibrated for its material."""
+    return settings.beams if settings.beams is not None else beams_for(settings.material)
+
+
 @dataclass(frozen=True)
 class Plates:
     """The two plates of a friction test, ready to be brought together."""
@@ -138,7 +143,7 @@ def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
     lattice = build(
         packing,
         settings.material,
-        beams_for(settings.material),
+        beams_of(settings),
         cube=keys.cube,
         external_face=keys.external_face,
         external_modulus=keys.external_modulus,
@@ -152,7 +157,7 @@ def face_to_face(settings: Settings, wheel: tuple[Packing, Lattice], axle: tuple
         settings=settings,
         wheel_packing=wheel[0],
         axle_packing=axle[0],
-        beams=beams_for(settings.material),
+        beams=beams_of(settings),
         wheel=wheel[1],
         axle=axle[1],
     )

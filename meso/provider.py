@@ -24,14 +24,13 @@ import numpy as np
 
 from macrofit.friction import BuildContext, FloatArray, ProviderError, TilePairs
 
-from .calibrate import beams_for
 from .coefficient_cache import CoefficientCache, Entry, code, version
 from .errors import MesoError, SettingsError
 from .friction_test import prepared, slid
 from .lattice import Lattice
 from .material import Material
 from .packing import Packing
-from .plates import Body, face_to_face, make_plate
+from .plates import Body, beams_of, face_to_face, make_plate
 from .records import Slide
 from .settings import Settings, decode
 
@@ -39,9 +38,10 @@ TILES = 2**16
 """Tiles of one body, and seeds to choose from; both are counted from 0."""
 
 HELD_SPHERES = 600_000
-"""Spheres of the plates kept for the next pairs of their tiles; 0.3 kB each."""
+"""Spheres of the plates kept in memory, 0.3 kB each. An increment asks about all tiles in contact, once or twice:
+either all their plates are kept or none is found again. 200 tiles of each body, of 3000 spheres a pair, fit in."""
 
-TABLES = ("surface", "plates", "contact", "load", "engine")
+TABLES = ("surface", "plates", "beams", "contact", "load", "engine")
 """The tables of a friction test that are options."""
 
 TAKEN = {
@@ -57,7 +57,7 @@ TAKEN = {
 class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Coefficients of friction from the discrete model of two rough plates, run for each pair when it is asked for.
 
-    The tables `surface`, `plates`, `contact`, `load` and `engine` are those of a friction test (`meso.settings`)
+    The tables `surface`, `plates`, `beams`, `contact`, `load` and `engine` are those of a friction test (`meso.settings`)
     with their defaults, but for the keys in `TAKEN`. Both plates are of the axle's material, as large as a tile and
     slid by its length. The pair's own pressure is not used: it is `load.pressure` everywhere.
 
@@ -73,6 +73,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """Keep coefficients in the context's cache folder, and take them from there."""
     surface: dict[str, Any] = {}
     plates: dict[str, Any] = {}
+    beams: dict[str, Any] = {}
     contact: dict[str, Any] = {}
     load: dict[str, Any] = {}
     engine: dict[str, Any] = {}
@@ -83,7 +84,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     def settings(self, tile_size: float) -> Settings:
         """The settings that all pairs share, for tiles of this length [mm]."""
-        tables = {name: dict(getattr(self, name)) for name in TABLES}
+        tables = {name: dict(getattr(self, name)) for name in TABLES if name != "beams" or self.beams}
         for (table, key), instead in TAKEN.items():
             if key in tables[table]:
                 raise ProviderError(f"friction.options.{table}.{key}: leave it out, {instead}")
@@ -102,8 +103,8 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             SettingsError: there are no beams for the material.
         """
         material = Material(youngs_modulus=context.youngs_modulus, poisson_ratio=context.poisson_ratio)
-        beams_for(material)
         settings = msgspec.structs.replace(self.settings(context.tile_size), material=material)
+        beams_of(settings)
         keeps = self.cache and context.cache_dir is not None
         return TileFriction(
             settings, self.seed, CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None
@@ -132,7 +133,7 @@ class TileFriction:
     def __init__(self, settings: Settings, seed: int, cache: CoefficientCache | None = None) -> None:
         self.shared, self.seed, self.cache = settings, seed, cache
         self.runs = self.clipped = 0
-        self._plate = functools.lru_cache(HELD_SPHERES // settings.plates.spheres)(self._made)
+        self._plate = functools.lru_cache(2 * HELD_SPHERES // settings.plates.spheres)(self._made)
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).

@@ -15,8 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from .errors import SettingsError
-from .lattice import ExternalFace, ExternalModulus
-from .material import Material
+from .material import Beams, ExternalFace, ExternalModulus, Material
 
 EngineName = Literal["auto", "quasi-static", "explicit"]
 
@@ -153,6 +152,7 @@ class Settings(Keys, frozen=True):
     surface: SurfaceKeys = SurfaceKeys()
     plates: PlateKeys = PlateKeys()
     material: Material = Material()
+    beams: Beams | None = None  # None: those of the stored calibration
     contact: ContactKeys = ContactKeys()
     load: LoadKeys = LoadKeys()
     engine: EngineKeys = EngineKeys()
@@ -215,7 +215,7 @@ def decode(tables: Mapping[str, Any]) -> Settings:
 def dump(settings: Settings) -> str:
     """The settings as TOML, every default written out."""
     lines, tables = [], msgspec.to_builtins(settings)
-    lines += [f"{key} = {_toml(value)}" for key, value in tables.items() if not isinstance(value, dict)]
+    lines += [f"{key} = {_toml(value)}" for key, value in tables.items() if isinstance(value, str)]
     for name, table in tables.items():
         if isinstance(table, dict):
             lines += ["", f"[{name}]"]
@@ -230,7 +230,7 @@ def _toml(value: Any) -> str:
         return "[" + ", ".join(_toml(entry) for entry in value) + "]"
     if isinstance(value, float):
         return repr(value)
-    return msgspec.json.encode(value).decode()
+    return msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")  # the one character JSON lets through
 
 
 def _override(tables: dict[str, Any], override: str) -> None:
@@ -255,9 +255,11 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "surface": SurfaceKeys,
     "plates": PlateKeys,
     "material": Material,
+    "beams": Beams,
     "contact": ContactKeys,
     "load": LoadKeys,
     "engine": EngineKeys,
+    "engine.breakage": Breakage,
 }
 
 

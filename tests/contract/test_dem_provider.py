@@ -31,7 +31,9 @@ from macrofit.scene import Scene, build_scene
 from macrofit.solve import solve
 from meso import coefficient_cache, friction_test
 from meso.coefficient_cache import fingerprint
-from meso.plates import Plates
+from meso.lattice import Lattice
+from meso.packing import Packing
+from meso.plates import Body, Plates, make_plate
 from meso.provider import TileFriction, tile_seed
 from meso.quasistatic import Unsettled
 from meso.records import Slide
@@ -157,6 +159,19 @@ def test_repeated_pairs_are_computed_once() -> None:
     first, second, third = answers(provider, (1, 1), (0, 1), (1, 1))
     assert first == third != second
     assert provider.runs == 2
+
+
+def test_a_tile_keeps_its_plate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine pairs of three tiles and three take six plates."""
+    made_now: list[str] = []
+
+    def counted(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
+        made_now.append(body)
+        return make_plate(settings, body)
+
+    monkeypatch.setattr("meso.provider.make_plate", counted)
+    answers(made(), *((seat, bore) for seat in range(3) for bore in range(3)))
+    assert sorted(made_now) == 3 * ["axle"] + 3 * ["wheel"]
 
 
 def test_a_negative_coefficient_counts_as_none(tmp_path: Path) -> None:
@@ -401,9 +416,10 @@ def test_no_module_is_left_out_of_the_key() -> None:
     assert {"kernels", "explicit", "packing_kernels"} <= loaded <= coefficient_cache.reached("provider")
 
 
-def test_the_version_is_part_of_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("what", ["version", "code"])
+def test_what_computes_is_part_of_the_key(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = fingerprint(Settings())
-    monkeypatch.setattr(coefficient_cache, "version", lambda: "0.0.1")
+    monkeypatch.setattr(coefficient_cache, what, lambda: "another")
     assert fingerprint(Settings()) != before
 
 

@@ -8,12 +8,21 @@ from pathlib import Path
 
 import pytest
 
+COMMANDS = [
+    ["sweep", "contact-patch", "--set", "mesh.order=1"],
+    ["cost", "--quick"],
+    ["meso_cost", "--quick"],
+    ["meso_sweep", "--slides", "3", "--spheres", "900"],
+    ["meso_agreement", "--pairs", "1", "--spheres", "600"],
+    ["meso_influence", "--quick"],
+]
 
-@pytest.mark.parametrize("command", [["sweep", "contact-patch", "--set", "mesh.order=1"], ["cost", "--quick"]])
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
 def test_benchmark_runs(command: list[str]) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks", *command],
         cwd=Path(__file__).parents[2], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=100,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n|") >= 3
+    assert done.stdout.count("|\n") >= 3

@@ -18,8 +18,8 @@ import pytest
 
 from meso.calibrate import sample, steel
 from meso.cholmod import factor
-from meso.lattice import BACK, ExternalFace, ExternalModulus, Lattice, build
-from meso.material import Material
+from meso.lattice import BACK, Lattice, build
+from meso.material import ExternalFace, ExternalModulus, Material
 from meso.packing import Packing
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]

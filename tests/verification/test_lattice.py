@@ -15,8 +15,8 @@ import pytest
 from scipy.linalg import eigh
 
 from meso import kernels
-from meso.lattice import ExternalFace, Lattice, build, join, turned_over
-from meso.material import Beams, Material
+from meso.lattice import Lattice, build, join, turned_over
+from meso.material import Beams, ExternalFace, Material
 from meso.packing import Packing, pack
 from meso.surface import Surface, generator
 
