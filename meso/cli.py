@@ -213,7 +213,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the packings.")
 @click.option(
     "-o", "--output", "folder", type=FILE, default=Path("meso-calibration"), show_default=True,
-    help="Folder of calibration.toml and the figures.",
+    help="Folder of calibration.toml, the figures, and beams.toml, which are SETTINGS of a run.",
 )  # fmt: skip
 @click.option("--no-figures", is_flag=True, help="Find the beams only.")
 def calibrate(
@@ -235,8 +235,9 @@ def calibrate(
     from .calibrate import sample as draw_boxes
     from .files import replacing
     from .material import Material
+    from .report import settings_of
 
-    material = Material(youngs_modulus=youngs_modulus, poisson_ratio=0.3)
+    material = Material(youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
     started = time.perf_counter()
     click.echo(
         f"Pulling         {packings} cubes of {spheres} spheres, about {1 + 3e-3 * packings * spheres:.0f} s ..."
@@ -245,6 +246,8 @@ def calibrate(
     with replacing(folder / "calibration.toml") as draft:
         found.write(draft)
     beams = found.beams(youngs_modulus)
+    with replacing(folder / "beams.toml") as draft:
+        draft.write_text(settings_of(material, beams))
     elapsed = time.perf_counter() - started
     click.echo(f"Radius ratio    {beams.radius_ratio:.4f} for a Poisson ratio of {poisson_ratio:g}  ({elapsed:.1f} s)")
     click.echo(

@@ -50,7 +50,7 @@ class Beams(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """nu_mu [-]; hardly matters, the beams twist little."""
 
     def __post_init__(self) -> None:
-        if not (self.youngs_modulus > 0.0 and self.radius_ratio > 0.0):
+        if not (0.0 < self.youngs_modulus < float("inf") and 0.0 < self.radius_ratio < float("inf")):
             raise SettingsError("beams: youngs_modulus [MPa] and radius_ratio [-] must be > 0")
         if not -1.0 < self.poisson_ratio < 0.5:
             raise SettingsError(f"beams: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")

@@ -100,7 +100,7 @@ def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: flo
         extent = (0.0, length, 0.0, width)
         each.imshow(np.clip(rgb, 0.0, 1.0), extent=extent, origin="lower", interpolation="nearest")
         each.tick_params(labelsize=8.5)
-        each.xaxis.set_major_locator(MaxNLocator(max(2, round(5 * length / width)), steps=[1, 2, 5, 10]))
+        each.xaxis.set_major_locator(MaxNLocator(min(10, max(2, round(5 * length / width))), steps=[1, 2, 5, 10]))
     extend = "min" if depth < np.inf else "neither"
     last, (across, up) = axes[-1].get_position(), figure.get_size_inches()
     place = placed(figure, across * last.x1 + 0.12, up * last.y0, 0.17, up * last.height)

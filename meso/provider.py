@@ -57,7 +57,7 @@ TAKEN = {
 class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Coefficients of friction from the discrete model of two rough plates, run for each pair when it is asked for.
 
-    The tables `surface`, `plates`, `beams`, `contact`, `load` and `engine` are those of a friction test (`meso.settings`)
+    The tables `surface`, `plates`, `beams`, `contact`, `load`, `engine` are those of a friction test (`meso.settings`)
     with their defaults, but for the keys in `TAKEN`. Both plates are of the axle's material, as large as a tile and
     slid by its length. The pair's own pressure is not used: it is `load.pressure` everywhere.
 

@@ -159,7 +159,7 @@ class _Run:
             else:
                 raise Unsettled(
                     f"no equilibrium at a slide of {1e3 * place[0]:.1f} um with micro_friction = "
-                    f"{self.micro_friction:g}: take engine.name = 'explicit'"
+                    f"{self.micro_friction:g}"
                 )
 
     def _settle(self, place: FloatArray, target: float) -> bool:

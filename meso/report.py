@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from .friction_test import FrictionTest
+from .material import Beams, Material
 from .packing import Packing
 from .plates import Plates
 from .records import Slide
@@ -125,6 +126,14 @@ def versions() -> dict[str, str]:
     return found
 
 
+def settings_of(material: Material, beams: Beams) -> str:
+    """TOML of a run with these beams."""
+    lines = ["# Beams found by macrofit-meso calibrate. mm, N, MPa, t, s."]
+    for name, table in (("material", material), ("beams", beams)):
+        lines += ["", f"[{name}]", *(f"{key} = {value!r}" for key, value in msgspec.structs.asdict(table).items())]
+    return "\n".join(lines) + "\n"
+
+
 def slide_line(slide: Slide) -> str:
     """One slide on one line, for the progress."""
     curve = slide.curve
@@ -148,9 +157,11 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
         line = f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}"
         off = f", off by {fit['largest_residual']:.1g} at most" if len(numbers["slides"]) > 2 else ""
         lines.append(line + off)
-    if any(each["micro_friction"] == 0.07 for each in numbers["slides"]):
+    if any(each["micro_friction"] == 0.07 and not each["broken_beams"] for each in numbers["slides"]):
         lines.append(f"Compare         {PAPER}")
     for each in numbers["slides"]:
+        if each["broken_beams"]:
+            lines.append(f"Broken beams    micro {each['micro_friction']:g}: {each['broken_beams']}")
         if each["remark"]:
             lines.append(f"Remark          micro {each['micro_friction']:g}: {each['remark']}")
     engines = " and ".join(dict.fromkeys(each["engine"] for each in numbers["slides"]))

@@ -350,6 +350,7 @@ def test_a_sample_is_told_and_written(place):
     mesh = meshio.read("plates.vtu")
     radius, wheel = mesh.point_data["radius"], mesh.point_data["body"] == 0
     assert f"{wheel.sum()} spheres of {1e3 * radius[wheel].mean():.1f} µm" in shown.stdout
+    assert mesh.points[wheel][:, 2].mean() > mesh.points[~wheel][:, 2].mean()
     # the plates touch: the gap between the closest spheres of the two is zero
     apart = mesh.points[wheel][:, None] - mesh.points[~wheel][None]
     gap = np.linalg.norm(apart, axis=2) - radius[wheel][:, None] - radius[~wheel][None]
@@ -368,11 +369,16 @@ def test_a_calibration_is_written_with_its_figures(place, monkeypatch):
     monkeypatch.setattr(cli, "MODULI", (1.0, 2.0))
     shown = meso("calibrate", "--spheres", "200", "--packings", "2", "--poisson-ratio", "0.25", "-o", "steel")
     assert shown.exit_code == 0, shown.stderr
-    assert names(place / "steel") == {"calibration.toml", "influence_radius.png", "influence_modulus.png"}
+    assert names(place / "steel") == {
+        "calibration.toml", "beams.toml", "influence_radius.png", "influence_modulus.png",
+    }  # fmt: skip
     found = read_calibration((place / "steel" / "calibration.toml").read_text())
     assert found.poisson_ratio == 0.25
     assert (found.spheres, found.packings) == (200, 2)
+    settings = load(place / "steel" / "beams.toml")
+    assert settings.material.poisson_ratio == 0.25
+    assert settings.beams == found.beams(210e3)
     assert f"Radius ratio    {found.radius_ratio:.4f} for a Poisson ratio of 0.25" in shown.stdout
     assert f"Scatter         {found.modulus_scatter:.1%} of the modulus" in shown.stdout
     shown = meso("calibrate", "--spheres", "200", "--packings", "1", "--no-figures", "-o", "plain")
-    assert names(place / "plain") == {"calibration.toml"}
+    assert names(place / "plain") == {"calibration.toml", "beams.toml"}

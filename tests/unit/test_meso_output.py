@@ -28,10 +28,10 @@ def curve(normal: list[float], tangential: list[float], way: float = 1.0) -> Cur
 
 def slide(micro: float = 0.07, meso: float = 0.08, **changed: object) -> Slide:
     """A slide with a meso coefficient of exactly this."""
-    normal = [100.0, 150.0, 50.0, 100.0]
+    normal = 4 * [100.0, 150.0, 50.0, 100.0]  # eight rows are the least for an uncertainty
     given = {
         "micro_friction": micro, "engine": "quasi-static", "squeeze": curve([0.0, 50.0], [0.0, 1.0], way=0.01),
-        "curve": curve(normal, [meso * 100.0 + d for d in (2.0, -2.0, 1.0, -1.0)]),
+        "curve": curve(normal, [meso * 100.0 + d for d in 4 * (2.0, -2.0, 1.0, -1.0)]),
         "work": Work(drive=8.0, friction=7.0, elastic=0.5, contact=0.25),
         "steps": 12, "bond_steps": 0, "unconverged_increments": 0, "largest_residual": 1e-4, "cpu_s": 0.5,
     }  # fmt: skip
@@ -185,6 +185,14 @@ def test_the_closing_words_of_several():
     assert "quasi-static and explicit" in words
 
 
+def test_the_closing_words_of_beams_that_broke():
+    breaks = Breaks(time=[1e-6], slide=[0.1], mode=["shear"], place=[(0.1, 0.2, 0.3)])
+    words = closing_words(slide(breaks=breaks))
+    assert "Broken beams    micro 0.07: 1\n" in words
+    assert "Lalleman" not in words  # their plates do not break
+    assert "Broken" not in closing_words(slide())
+
+
 def test_the_closing_words_without_contact():
     words = closing_words(slide(curve=curve([0.0] * 4, [0.0] * 4)))
     assert "none for micro 0.07: the plates do not touch" in words
@@ -291,6 +299,7 @@ def test_the_mean_and_its_band_are_in_the_figure():
     axes = plots.forces([one]).axes[2]
     band = axes.patches[0].get_path().get_extents().get_points()[:, 1]
     error = one.curve.uncertainty
+    assert error > 1e-3
     np.testing.assert_allclose(band, [0.08 - error, 0.08 + error])
     assert any(np.allclose(line.get_ydata(), 0.08) for line in axes.lines)
 
@@ -308,7 +317,8 @@ def test_the_map_shows_heights_in_micrometres(tilted):
     assert bar.get_ylabel() == "height [µm]"
     assert bar.get_ylim() == pytest.approx((0.0, 11.0 / 7.0))
     assert axes.images[0].get_extent() == (0.0, 1.5, 0.0, 1.0)
-    rgb = axes.images[0].get_array()  # rows from below: the last is the highest y
+    assert axes.images[0].origin == "lower"
+    rgb = axes.images[0].get_array()  # the last row is the highest y
     assert rgb[-1, -1].sum() > rgb[0, 0].sum()
 
 

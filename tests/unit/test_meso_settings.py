@@ -14,6 +14,7 @@ RICH = {
     "material": {"youngs_modulus": 7e4, "density": 2.7e-9},
     "contact": {"micro_friction": [0.03, 0.07, 1e-7]},
     "load": {"interference": 0.006, "slide": 0.123456789012345},
+    "beams": {"youngs_modulus": 1.25e6, "radius_ratio": 0.4},
     "engine": {"time_step": 1e-9, "breakage": {"tensile_strength": 1e4, "shear_strength": 2.5e3}},
 }
 
@@ -103,15 +104,19 @@ BOUNDED = {
     "material.youngs_modulus": (0.0, -1.0),
     "material.poisson_ratio": (-1.0, 0.5),
     "material.density": (0.0, -1.0),
+    "beams.youngs_modulus": (0.0, -1.0),
+    "beams.radius_ratio": (0.0, -1.0),
+    "beams.poisson_ratio": (-1.0, 0.5),
 }
 WHOLE = {"levels", "wheel_seed", "axle_seed", "spheres", "packing_seed", "samples"}
 
 
 def with_value(key: str, value: object) -> dict[str, object]:
     """Tables with one key set, and what else the key needs."""
-    strengths = {"tensile_strength": 1.0, "shear_strength": 1.0}
     *tables, last = key.split(".")
-    tree: dict[str, object] = {**(strengths if last in strengths else {}), last: value}
+    needed = {"engine.breakage": {"tensile_strength": 1.0, "shear_strength": 1.0}}
+    needed["beams"] = {"youngs_modulus": 5e6, "radius_ratio": 0.33}
+    tree: dict[str, object] = {**needed.get(".".join(tables), {}), last: value}
     for table in reversed(tables):
         tree = {table: tree}
     return tree
