@@ -3,8 +3,8 @@
     python -m tests.benchmarks meso_influence [--pairs 3] [--quick] [--figure docs/meso_influence.png]
 
 For each choice: change of the coefficient against the reference (quasi-static, increments of 0.5 um; the same surfaces
-and packings), mean absolute value over pairs of surfaces with n = 3, R = 20 um, at micro_friction 0.07 and 0.01, and
-CPU seconds of one slide with its set-up. The first block holds what only the numerics choose: it should be small. The
+and packings) over the micro coefficient, mean absolute value over pairs of surfaces with n = 3, R = 20 um, at
+micro_friction 0.07 and 0.01, and CPU seconds of one slide with its set-up. The first block holds what only the numerics choose: it should be small. The
 second holds what belongs to the model: it says what the model's answer depends on.
 """
 
@@ -51,7 +51,7 @@ MODEL = {
 
 
 class Row(NamedTuple):
-    """One choice: mean absolute change at both micro coefficients [-], CPU time [s]."""
+    """One choice: mean absolute change at both micro coefficients, over them and as it is [-], CPU time [s]."""
 
     choice: str
     value: str
@@ -88,7 +88,7 @@ def main(words: Sequence[str]) -> int:
                     continue
                 found = [coefficients(pair, [*small, *overrides]) for pair in range(pairs)]
                 difference = np.abs(np.array([values for values, _ in found]) - np.array(reference))
-                relative = np.mean(difference / np.abs(reference), axis=0)
+                relative = np.mean(difference, axis=0) / COEFFICIENTS
                 cpu = statistics.median(cpu for _, cpu in found)
                 rows.append(Row(choice, value, tuple(relative), tuple(difference.mean(axis=0)), cpu))
                 print(
