@@ -4,8 +4,8 @@
 
 For each choice: change of the coefficient against the reference (quasi-static, increments of 0.5 um; the same surfaces
 and packings) over the micro coefficient, mean absolute value over pairs of surfaces with n = 3, R = 20 um, at
-micro_friction 0.07 and 0.01, and CPU seconds of one slide with its set-up. The first block holds what only the numerics choose: it should be small. The
-second holds what belongs to the model: it says what the model's answer depends on.
+micro_friction 0.07 and 0.01, and CPU seconds of one slide with its set-up. The first block holds what only the
+numerics choose: it should be small. The second holds what belongs to the model: what the model's answer depends on.
 """
 
 from __future__ import annotations
