@@ -167,11 +167,14 @@ class _Run:
         live = np.flatnonzero((engine.encounters.first <= place[0]) & (engine.encounters.last >= place[0]))
         before, normals = self.forces[live], self.normals[live]
         drive = place.copy()
-        _, residual, closing = kernels.settle(
-            *engine.compliances, live, engine.pair, engine.encounters.apart, engine.encounters.law, self.history,
-            self.forces, self.micro_friction, drive, target, ITERATIONS, keys.tolerance, CLOSE,
-            self.trial, self.normals, self.sums,
-        )  # fmt: skip
+        try:
+            _, residual, closing = kernels.settle(
+                *engine.compliances, live, engine.pair, engine.encounters.apart, engine.encounters.law, self.history,
+                self.forces, self.micro_friction, drive, target, ITERATIONS, keys.tolerance, CLOSE,
+                self.trial, self.normals, self.sums,
+            )  # fmt: skip
+        except np.linalg.LinAlgError:  # a step of Newton from a state that can go two ways
+            residual, closing = np.inf, 0.0
         self.steps += 1
         if not residual <= keys.tolerance:
             self.forces[live], self.normals[live] = before, normals

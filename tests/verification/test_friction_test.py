@@ -143,8 +143,17 @@ def test_time_step_above_the_limit_is_refused(plates: Plates) -> None:
         Explicit(dataclasses.replace(plates, settings=settings))
 
 
-def test_explicit_engine_takes_over_where_nothing_settles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "settle", lambda *arguments: (30, 1.0, 0.0))
+def never(*arguments: object) -> tuple[int, float, float]:
+    return 30, 1.0, 0.0
+
+
+def singular(*arguments: object) -> tuple[int, float, float]:
+    raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+
+
+@pytest.mark.parametrize("settle", [never, singular])
+def test_explicit_engine_takes_over_where_nothing_settles(settle: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels, "settle", settle)
     slide = run(load(None, [*SMALL, "engine.samples=20"])).slides[0]
     assert slide.engine == "explicit"
     assert "no equilibrium" in slide.remark
