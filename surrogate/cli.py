@@ -1,16 +1,191 @@
-"""The command `macrofit-surrogate`."""
+"""The command `macrofit-surrogate`. What is heavy is imported inside the commands, so that help comes at once."""
 
 from __future__ import annotations
 
+import os
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
 import click
 
-STILL_TO_COME = "Still to come: the network that learns the friction of rough plates, and its training data."
+from .errors import SurrogateError
+
+USER_MISTAKE, INTERRUPTED = 2, 130
+LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
+"""Variables of a process that mpirun started."""
 
 
-@click.group(invoke_without_command=True, epilog=STILL_TO_COME)
+class Commands(click.Group):
+    """A group that says an error the user can mend on one line, and exits with 2; an interruption with 130."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was asked for."""
+        with suppress(ValueError):  # not in the main thread
+            # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            with _warnings_on_one_line():
+                return super().invoke(ctx)
+        except SurrogateError as error:
+            complain(error)
+            ctx.exit(USER_MISTAKE)
+        except KeyboardInterrupt:
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
+
+
+@contextmanager
+def _warnings_on_one_line() -> Iterator[None]:
+    """Say a warning in the words of the command, without the place in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
+        yield
+
+
+def complain(message: object) -> None:
+    """Say what went wrong, on one line."""
+    click.echo(f"macrofit-surrogate: {' '.join(str(message).split())}", err=True)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="macrofit", prog_name="macrofit-surrogate")
-@click.pass_context
-def main(context: click.Context) -> None:
-    """The network that replaces the rough plates."""
-    if context.invoked_subcommand is None:
-        click.echo(STILL_TO_COME)
+def main() -> None:
+    """The network that replaces the rough plates, and the data it learns from.
+
+    Lengths are in mm, forces in N.
+    """
+    # The samples of a farm are serial and small: threads would only fight for the cores with each other.
+    # Read when numpy and numba are first imported; a value set by the user stays.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+
+
+FILE = click.Path(path_type=Path)
+
+
+def numbers(kind: type[int] | type[float], most: int | None = None) -> Callable[..., tuple[Any, ...]]:
+    """A callback for numbers between commas, `most` at most."""
+
+    def read(context: click.Context, option: click.Parameter, text: str) -> tuple[Any, ...]:
+        try:
+            given = tuple(kind(part) for part in text.split(","))
+        except ValueError:
+            whole = "whole numbers" if kind is int else "numbers"
+            raise click.BadParameter(f"'{text}': give {whole} between commas") from None
+        if most is not None and len(given) > most:
+            raise click.BadParameter(f"'{text}': give one number, or the lower and the upper one")
+        return given
+
+    return read
+
+
+def count_or_coefficients(context: click.Context, option: click.Parameter, text: str) -> int | tuple[float, ...]:
+    """A whole number, or numbers between commas."""
+    return int(text) if text.isdecimal() else numbers(float)(context, option, text)
+
+
+@main.command()
+@click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.h5", help="The database.")
+@click.option("--pairs", type=click.IntRange(1), required=True, help="Of surfaces, counted from the first.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
+@click.option("--spheres", type=int, default=3000, show_default=True, help="In both plates together.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the plates' settings.")
+@click.option(
+    "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
+    help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
+)  # fmt: skip
+@click.option(
+    "--max-height", callback=numbers(float, 2), default="0.005,0.04", show_default=True, metavar="LOW,HIGH",
+    help="Range R of the random heights [mm], log-uniform.",
+)  # fmt: skip
+@click.option(
+    "--levels", callback=numbers(int), default="3,4", show_default=True, metavar="N[,N...]",
+    help="Subdivisions: 2^n + 1 points along 1 mm.",
+)  # fmt: skip
+@click.option(
+    "--hurst", callback=numbers(float, 2), default="0.5,1.0", show_default=True, metavar="LOW,HIGH",
+    help="Hurst exponent, uniform.",
+)  # fmt: skip
+@click.option("--packings", type=int, default=1, show_default=True, help="Of the same pair of surfaces.")
+@click.option("--first-surface", type=int, default=0, show_default=True, help="Seed of the first pair's surfaces.")
+@click.option("--first-packing", type=int, default=0, show_default=True, help="First of the 16 seeds of packings.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes; all cores where it is left out. Not under mpirun.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def generate(
+    path: Path,
+    overrides: tuple[str, ...],
+    spheres: int,
+    jobs: int | None,
+    quiet: bool,
+    max_height: tuple[float, ...],
+    hurst: tuple[float, ...],
+    pairs: int,
+    **options: Any,
+) -> None:
+    """Fill a database with friction tests of random pairs of rough plates.
+
+    Whatever ends it, the same command goes on: samples that are there are not computed again, and more --pairs add to
+    them. Under mpirun the first rank hands out the work and writes, the others compute: take a rank more than cores.
+    """
+    with farm(jobs) as workers:
+        if workers is None:
+            return
+        from .database import stock
+        from .generate import Design, plates
+        from .generate import generate as fill
+        from .monitor import on_screen
+
+        design = Design(max_height=(max_height[0], max_height[-1]), hurst_exponent=(hurst[0], hurst[-1]), **options)
+        settings = plates((f"plates.spheres={spheres}", *overrides))
+        try:
+            fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
+        except KeyboardInterrupt:
+            complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
+            leave(INTERRUPTED)
+        if not quiet:
+            for line in stock(path):
+                click.echo(line)
+
+
+@contextmanager
+def farm(jobs: int | None) -> Iterator[Any]:
+    """Who computes: the ranks of mpirun, or processes of this machine. None on a rank that has done so already."""
+    size = 1
+    if any(name in os.environ for name in LAUNCHED):
+        from mpi4py import MPI
+
+        size = MPI.COMM_WORLD.size
+    if size > 1:
+        from mpi4py.futures import MPICommExecutor
+
+        if jobs is not None:
+            raise click.UsageError("--jobs: leave it out under mpirun, whose ranks do the work")
+        if MPI.COMM_WORLD.rank:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first rank ends all
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
+            if executor is None:
+                yield None
+            else:
+                from .generate import Ranks
+
+                yield Ranks(executor, size - 1)
+        return
+    from .generate import Here, Pool
+
+    jobs = jobs or len(os.sched_getaffinity(0))
+    yield Here() if jobs == 1 else Pool(jobs)
+
+
+def leave(code: int) -> None:
+    """End this process, and under mpirun all others."""
+    if any(name in os.environ for name in LAUNCHED):
+        from mpi4py import MPI
+
+        if MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(code)
+    click.get_current_context().exit(code)

@@ -1,0 +1,89 @@
+"""Samples as tensors, and splits in which no surface stands on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from torch import Tensor
+
+from .database import Samples
+
+IntArray: TypeAlias = npt.NDArray[np.int64]
+Faces = Literal["generated", "envelope"]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of surfaces with what the plates gave for them."""
+
+    wheel: Tensor
+    """Heights (pairs, n + 1, n + 1) [mm]."""
+    axle: Tensor
+    """Heights (pairs, 2 n + 1, n + 1) [mm]."""
+    micro: Tensor
+    """Micro coefficients (pairs, k)."""
+    meso: Tensor
+    """Meso coefficients (pairs, k)."""
+    held: Tensor
+    """Whether contact was held all along, (pairs,)."""
+
+    def __len__(self) -> int:
+        return len(self.micro)
+
+    def take(self, rows: IntArray) -> Pairs:
+        """Some of the pairs, in the order of `rows`."""
+        index = torch.from_numpy(rows)
+        return Pairs(self.wheel[index], self.axle[index], self.micro[index], self.meso[index], self.held[index])
+
+    def line(self) -> tuple[Tensor, Tensor]:
+        """a and b of mu_meso = a mu_micro + b through the first and the last micro coefficient, (pairs,) each."""
+        a = (self.meso[:, -1] - self.meso[:, 0]) / (self.micro[:, -1] - self.micro[:, 0])
+        return a, self.meso[:, 0] - a * self.micro[:, 0]
+
+
+def pairs(samples: Samples, faces: Faces = "generated") -> Pairs:
+    """The samples as tensors, with the faces as generated or as the envelopes of their spheres."""
+    wheel, axle = (
+        (samples.wheel, samples.axle) if faces == "generated" else (samples.wheel_envelope, samples.axle_envelope)
+    )
+    return Pairs(
+        wheel=torch.from_numpy(np.asarray(wheel, dtype=np.float32)),
+        axle=torch.from_numpy(np.asarray(axle, dtype=np.float32)),
+        micro=torch.from_numpy(np.asarray(samples.micro_friction, dtype=np.float32)),
+        meso=torch.from_numpy(np.asarray(samples.meso_friction, dtype=np.float32)),
+        held=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),
+    )
+
+
+def families(samples: Samples) -> IntArray:
+    """A number for each sample, the same for those that share a surface, directly or by way of others, (samples,)."""
+    wheels, wheel = np.unique(samples.wheel_seed, return_inverse=True)
+    axles, axle = np.unique(samples.axle_seed, return_inverse=True)
+    nodes = len(wheels) + len(axles)
+    graph = coo_matrix((np.ones(len(wheel)), (wheel, axle + len(wheels))), shape=(nodes, nodes))
+    _, label = connected_components(graph, directed=False)
+    return np.asarray(label[wheel], dtype=np.int64)
+
+
+def folds(samples: Samples, count: int, seed: int = 0) -> list[IntArray]:
+    """The samples dealt into `count` parts of about equal size, whole families each."""
+    family = families(samples)
+    order = np.random.default_rng(seed).permutation(family.max() + 1)
+    part = np.empty(len(order), dtype=np.int64)
+    part[order] = np.arange(len(order)) % count
+    return [np.flatnonzero(part[family] == k) for k in range(count)]
+
+
+def split(samples: Samples, validation: float = 0.3, seed: int = 0) -> tuple[IntArray, IntArray]:
+    """Rows for training and for validation; no surface seed is on both sides."""
+    family = families(samples)
+    order = np.random.default_rng(seed).permutation(family.max() + 1)
+    kept = set(order[round(validation * len(order)) :].tolist())
+    training = np.array([label in kept for label in family])
+    return np.flatnonzero(training), np.flatnonzero(~training)

@@ -1,0 +1,15 @@
+"""The error tree of the network and its data. A message says what, where, and what to try."""
+
+from __future__ import annotations
+
+
+class SurrogateError(Exception):
+    """Anything the user can mend: the command line prints the message on one line and exits with 2."""
+
+
+class DatabaseError(SurrogateError):
+    """A database that cannot be read, written or gone on with."""
+
+
+class DesignError(SurrogateError):
+    """A design of samples, or settings of the plates, that cannot be computed."""
