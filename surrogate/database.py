@@ -12,18 +12,16 @@ of both at any time, also while they are written. Nothing is ever unpickled.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
 import shutil
-import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import h5py
 import msgspec
@@ -31,126 +29,18 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import DatabaseError
+from .journal import Content, Failure, Sample, append, force, journal_of, lock, read_journal, start, writing
+from .samples import SCHEMA, Header, Samples, content_hash, digests
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
-HeightArray: TypeAlias = npt.NDArray[np.float32]
-IntArray: TypeAlias = npt.NDArray[np.int64]
+__all__ = ["Database", "Header", "Samples", "Writer", "content_hash", "open_database", "read", "stock"]
 
-SCHEMA = 1
 FORMAT = "macrofit-surrogate database"
-MAGIC = b"macrofit-surrogate journal\n"
 JOURNALLED = 500
 """Samples in the journal, at least, before the HDF5 file takes them; later a tenth of what the file holds."""
 LONGEST_REASON = 400
 """Bytes of the reason of a failure that the HDF5 file keeps."""
-LONGEST_ENTRY = 65536
-"""Bytes of an entry of the journal beside the heights and numbers of its sample."""
-BLOCK = 256
-"""Samples whose digests are checked at a time."""
-_FRAME = struct.Struct("<Q32s")  # length and SHA-256 of the content that follows
 _DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
 """What h5py raises on a file that is not what it should be."""
-
-
-class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What all samples of a database share."""
-
-    design: str
-    """Options of the design, as JSON."""
-    settings: str
-    """Settings of the plates, as TOML; for what the design varies see the samples."""
-    code: str
-    """Hash of the code that computed the samples."""
-    version: str
-    """Of the package."""
-    micro_frictions: int
-    """k, micro coefficients per sample."""
-    squares: int
-    """Length of the axle's plate over that of the wheel's."""
-    points: int = 33
-    """Of a surface along the edge of the wheel's plate; an envelope has 2 points - 1."""
-    schema: int = SCHEMA
-
-    def row(self) -> np.dtype[Any]:
-        """The type of one sample: the fields of `Samples`."""
-        k, n = self.micro_frictions, self.points - 1
-        per_coefficient = {
-            name: np.dtype(("<f8", (k,)))
-            for name in (
-                "micro_friction", "meso_friction", "meso_friction_mean_of_ratio", "uncertainty", "mean_normal",
-                "mean_tangential", "minimum_normal", "stored_energy", "friction_loss", "approach",
-            )
-        }  # fmt: skip
-        special = {
-            "wheel": np.dtype(("<f4", (n + 1, n + 1))),
-            "axle": np.dtype(("<f4", (self.squares * n + 1, n + 1))),
-            "wheel_envelope": np.dtype(("<f4", (2 * n + 1, 2 * n + 1))),
-            "axle_envelope": np.dtype(("<f4", (2 * self.squares * n + 1, 2 * n + 1))),
-            "engine": np.dtype(("S16", (k,))),
-            "remark": np.dtype("S240"),
-            "max_height": np.dtype("<f8"),
-            "hurst_exponent": np.dtype("<f8"),
-            "cpu_s": np.dtype("<f8"),
-        }
-        known = per_coefficient | special
-        return np.dtype([(field.name, known.get(field.name, np.dtype("<i8"))) for field in fields(Samples)])
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Friction tests, one row each, sorted by id: n pairs of plates, each slid with k micro coefficients.
-
-    Heights are measured outward from the nominal face of each body, in single precision (1e-7 of the height). Row i
-    of a matrix lies at x = i dx along the slide, column j at y = j dy across it. The wheel is turned over about no
-    axis but mirrored in z: its point (x, y) faces (x + s, y) of the axle when it has slid by s.
-    """
-
-    id: IntArray
-    """Number in the design, shape (n,)."""
-    wheel_seed: IntArray
-    axle_seed: IntArray
-    packing_seed: IntArray
-    levels: IntArray
-    max_height: FloatArray
-    """R [mm]."""
-    hurst_exponent: FloatArray
-    wheel: HeightArray
-    """Surface of the wheel [mm], shape (n, 33, 33) on 1 x 1 mm; exact, for grids of 2^levels + 1 points nest."""
-    axle: HeightArray
-    """Surface of the axle [mm], shape (n, 65, 33) on 2 x 1 mm."""
-    wheel_envelope: HeightArray
-    """Upper envelope of the wheel's spheres [mm], shape (n, 65, 65)."""
-    axle_envelope: HeightArray
-    """Upper envelope of the axle's spheres [mm], shape (n, 129, 65)."""
-    micro_friction: FloatArray
-    """Shape (n, k), rising in each row; so are all that follow."""
-    meso_friction: FloatArray
-    """Mean T over mean N."""
-    meso_friction_mean_of_ratio: FloatArray
-    """Mean of T/N."""
-    uncertainty: FloatArray
-    """Standard error of `meso_friction` along the slide."""
-    mean_normal: FloatArray
-    """Mean N over the slide [N]."""
-    mean_tangential: FloatArray
-    """Mean T over the slide [N]."""
-    minimum_normal: FloatArray
-    """Smallest N along the slide [N]."""
-    stored_energy: FloatArray
-    """Energy in beams and contacts at the end of the slide less that at its start [N mm]."""
-    friction_loss: FloatArray
-    """Work lost in the contacts along the slide [N mm]."""
-    approach: FloatArray
-    """From the first touch to the end of the squeeze [mm]."""
-    engine: npt.NDArray[np.bytes_]
-    """The engine that answered, shape (n, k)."""
-    remark: npt.NDArray[np.bytes_]
-    """Why another engine than the one asked for, if so; shape (n,)."""
-    cpu_s: FloatArray
-    """Time of the processor [s], shape (n,); the last field, and no part of a sample's digest."""
-
-    def __len__(self) -> int:
-        return len(self.id)
 
 
 @dataclass(frozen=True)
@@ -165,32 +55,6 @@ class Database:
     """Of all samples by id, but for the time they took; the same however they were computed and stored."""
 
 
-class _Sample(msgspec.Struct, frozen=True, array_like=True, tag="sample"):
-    row: bytes
-
-
-class _Failure(msgspec.Struct, frozen=True, array_like=True, tag="failure"):
-    id: int
-    reason: str
-
-
-_Entry: TypeAlias = _Sample | _Failure
-_ENTRIES = msgspec.msgpack.Decoder(_Sample | _Failure)
-
-
-@dataclass
-class _Content:
-    """Entries as they are stored: rows with their digests, and failures."""
-
-    rows: npt.NDArray[Any]
-    failures: dict[int, str]
-
-
-def journal_of(path: Path) -> Path:
-    """The journal of a database."""
-    return path.with_name(path.name + ".journal")
-
-
 def read(path: Path) -> Database:
     """All samples of a database and its journal, also of one that is being filled.
 
@@ -198,7 +62,7 @@ def read(path: Path) -> Database:
         DatabaseError: there is none, or it is foreign, damaged, or of another schema.
     """
     # the journal first: what leaves it meanwhile is found in the HDF5 file
-    journal = _read_journal(journal_of(path)) if journal_of(path).exists() else None
+    journal = read_journal(journal_of(path)) if journal_of(path).exists() else None
     if not path.exists():
         if journal is None:
             raise DatabaseError(f"{path}: there is no such database; macrofit-surrogate generate makes one")
@@ -219,14 +83,6 @@ def read(path: Path) -> Database:
     if len(taken) > 1 and np.any(np.diff(taken.id) == 0):
         raise DatabaseError(f"{path}: sample {taken.id[:-1][np.diff(taken.id) == 0][0]} is there twice; make it anew")
     return Database(header, taken, dict(sorted(failures.items())), content_hash(taken))
-
-
-def content_hash(samples: Samples) -> str:
-    """Hash of all samples by id, but for the time they took."""
-    whole = hashlib.sha256()
-    for sample in _digests({field.name: getattr(samples, field.name) for field in fields(Samples)}):
-        whole.update(sample)
-    return whole.hexdigest()
 
 
 def stock(path: Path) -> list[str]:
@@ -250,7 +106,7 @@ def stock(path: Path) -> list[str]:
 class Writer:
     """The one process that fills a database; made by `open_database`."""
 
-    def __init__(self, path: Path, header: Header, descriptor: int, content: _Content, stored: int) -> None:
+    def __init__(self, path: Path, header: Header, descriptor: int, content: Content, stored: int) -> None:
         self.path, self.header = path, header
         self._descriptor = descriptor
         self._row = header.row()
@@ -266,14 +122,14 @@ class Writer:
         """
         if len(row) != self._row.itemsize:
             raise ValueError(f"a sample of {len(row)} bytes, not {self._row.itemsize}")
-        self._write(_Sample(row))
+        append(self._descriptor, self.path, Sample(row))
         self._rows.append(row)
         if len(self._rows) >= max(JOURNALLED, self._stored // 10):
             self.compact()
 
     def fail(self, number: int, reason: str) -> None:
         """Keep the reason of a sample that cannot be computed."""
-        self._write(_Failure(number, reason))
+        append(self._descriptor, self.path, Failure(number, reason))
         self._failures[number] = reason
 
     def compact(self) -> None:
@@ -281,7 +137,7 @@ class Writer:
         if not self._rows and not self._failures and self.path.exists():
             return
         draft = self.path.with_name(f".{self.path.name}.draft")  # one writer: a kill leaves one draft at most
-        with _writing(self.path):
+        with writing(self.path):
             if self.path.exists():
                 shutil.copyfile(self.path, draft)
             else:
@@ -289,30 +145,23 @@ class Writer:
             with h5py.File(draft, "r+") as file:
                 _extend(file, np.frombuffer(b"".join(self._rows), self._row), self._failures)
                 self._stored = len(file["samples/id"])
-            _force(draft)
+            force(draft)
             os.replace(draft, self.path)
-            _force(self.path.parent)
-        old, self._descriptor = self._descriptor, _start_journal(journal_of(self.path), self.header)
+            force(self.path.parent)
+        old, self._descriptor = self._descriptor, start(journal_of(self.path), self.header)
         os.close(old)
         self._rows, self._failures = [], {}
 
     def close(self) -> None:
         """Move what the journal holds into the HDF5 file, and take the journal away."""
         self.compact()
-        with _writing(self.path):
+        with writing(self.path):
             journal_of(self.path).unlink(missing_ok=True)
         self.abandon()
 
     def abandon(self) -> None:
         """Let go of the journal as it is."""
         os.close(self._descriptor)
-
-    def _write(self, entry: _Entry) -> None:
-        with _writing(self.path):
-            rest = memoryview(_frame(msgspec.msgpack.encode(entry)))
-            while rest:
-                rest = rest[os.write(self._descriptor, rest) :]
-            os.fsync(self._descriptor)
 
 
 @contextmanager
@@ -325,16 +174,16 @@ def open_database(path: Path, header: Header) -> Iterator[tuple[Writer, set[int]
         DatabaseError: another header; foreign, damaged or being filled by another process; cannot be written.
     """
     journal = journal_of(path)
-    with _writing(path):
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():  # refuse before anything is made
         header = _same(path, _read_ids(path)[0], header)
-    descriptor = _lock(journal) if journal.exists() else _start_journal(journal, header, new=True)
+    descriptor = lock(journal) if journal.exists() else start(journal, header, new=True)
     try:
         _, stored, failed = _read_ids(path) if path.exists() else (header, set[int](), set[int]())
-        found, content, end = _read_journal(journal)
+        found, content, end = read_journal(journal)
         header = _same(journal, found, header)
-        with _writing(journal):
+        with writing(journal):
             os.ftruncate(descriptor, end)
         # a kill between the replacement of the two files leaves the same in both
         content.rows = content.rows[~np.isin(content.rows["id"], sorted(stored))]
@@ -370,20 +219,6 @@ def _same(path: Path, found: Header, asked: Header) -> Header:
     return found
 
 
-def _digests(arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[bytes]:
-    """SHA-256 of each sample as `Header.row` lays it out, but for its time."""
-    row = np.dtype([(name, stored.dtype, stored.shape[1:]) for name, stored in arrays.items()])
-    count = len(arrays["id"])
-    for start in range(0, count, BLOCK):
-        block = np.empty(min(BLOCK, count - start), row)
-        for name, stored in arrays.items():
-            block[name] = stored[start : start + BLOCK]
-        yield from (hashlib.sha256(sample.tobytes()[:-8]).digest() for sample in block)
-
-
-# --- the HDF5 file
-
-
 def _create(path: Path, header: Header) -> None:
     with h5py.File(path, "w") as file:
         file.attrs["format"] = FORMAT
@@ -407,10 +242,10 @@ def _create(path: Path, header: Header) -> None:
 
 def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None:
     columns = {name: rows[name] for name in rows.dtype.names or ()}
-    digests = np.frombuffer(b"".join(_digests(columns)), "u1").reshape(-1, 32)
+    checksums = np.frombuffer(b"".join(digests(columns)), "u1").reshape(-1, 32)
     reasons = [why.encode()[:LONGEST_REASON] for why in failures.values()]
     more = {f"samples/{name}": values for name, values in columns.items()}
-    more |= {"samples/sha256": digests, "failures/id": np.array(list(failures), "<i8")}
+    more |= {"samples/sha256": checksums, "failures/id": np.array(list(failures), "<i8")}
     more |= {"failures/reason": np.array(reasons, f"S{LONGEST_REASON}")}
     for name, values in more.items():
         if len(values):
@@ -425,8 +260,12 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
     """An HDF5 file that says it is a database of this schema; what h5py finds wrong in it names the file."""
     try:
         with path.open("rb") as start:
-            if start.read(8) != b"\x89HDF\r\n\x1a\n":
-                raise DatabaseError(f"{path}: is not a database of samples (not an HDF5 file)")
+            signature = start.read(8)
+    except OSError as error:
+        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+    if signature != b"\x89HDF\r\n\x1a\n":
+        raise DatabaseError(f"{path}: is not a database of samples (not an HDF5 file)")
+    try:
         with h5py.File(path, "r") as file:
             if str(file.attrs.get("format", "")) != FORMAT:
                 raise DatabaseError(f"{path}: is an HDF5 file, but not a database of samples")
@@ -436,8 +275,6 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
             yield file, Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
     except DatabaseError:
         raise
-    except PermissionError as error:
-        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
     except _DAMAGED as error:
         raise DatabaseError(f"{path}: is damaged or cut short ({error}); move it away and make it anew") from error
 
@@ -457,129 +294,8 @@ def _read_file(path: Path) -> tuple[Header, dict[str, npt.NDArray[Any]], dict[in
             if stored.dtype != row[name].base or stored.shape != (count, *row[name].shape):
                 raise ValueError(f"samples/{name} is {stored.dtype} {stored.shape}")
         whole = [bytes(stored) for stored in file["samples/sha256"][:]]
-        for number, expected, is_now in zip(samples["id"], whole, _digests(samples), strict=True):
+        for number, expected, is_now in zip(samples["id"], whole, digests(samples), strict=True):
             if expected != is_now:
                 raise ValueError(f"sample {number} does not match its checksum")
         reasons = [bytes(why).decode(errors="replace") for why in file["failures/reason"][:]]
         return header, samples, dict(zip(file["failures/id"][:].tolist(), reasons, strict=True))
-
-
-# --- the journal
-
-
-def _start_journal(path: Path, header: Header, *, new: bool = False) -> int:
-    """A locked journal with its header and nothing else in place of what is there; `new`: nothing may be there."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    with _writing(path):
-        descriptor = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC, 0o666)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        with _writing(path):
-            os.write(descriptor, MAGIC + _frame(msgspec.msgpack.encode(header)))
-            os.fsync(descriptor)
-            if new:
-                os.link(draft, path)
-            else:
-                os.replace(draft, path)
-            _force(path.parent)
-    except BaseException:
-        os.close(descriptor)
-        raise
-    finally:
-        draft.unlink(missing_ok=True)
-    return descriptor
-
-
-def _lock(path: Path) -> int:
-    """The journal that is there, for this process alone."""
-    with _writing(path):
-        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        taken = path.exists() and os.path.samestat(os.fstat(descriptor), path.stat())
-    except BlockingIOError:
-        taken = False
-    except OSError:  # a file system without locks
-        taken = True
-    if not taken:
-        os.close(descriptor)
-        raise DatabaseError(f"{path}: another process is filling this database; wait for it, or choose another -o")
-    return descriptor
-
-
-def _read_journal(path: Path) -> tuple[Header, _Content, int]:
-    """Header, whole entries, and where the last of them ends [bytes]."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
-    if not data.startswith(MAGIC):
-        raise DatabaseError(f"{path}: is not the journal of a database of samples; move it away")
-    rows, failures = [], {}
-    try:
-        text, end = next(_frames(data, len(MAGIC), len(data)))
-        header = msgspec.msgpack.decode(text, type=Header)
-        if header.schema != SCHEMA:
-            raise DatabaseError(f"{path}: is of schema {header.schema}, not {SCHEMA}; move it away")
-        row = header.row()
-        for text, place in _frames(data, end, row.itemsize + LONGEST_ENTRY):
-            end, entry = place, _ENTRIES.decode(text)
-            if isinstance(entry, _Failure):
-                failures[entry.id] = entry.reason
-            elif len(entry.row) == row.itemsize:
-                rows.append(entry.row)
-            else:
-                raise ValueError(f"a sample of {len(entry.row)} bytes")
-    except (StopIteration, ValueError) as error:  # msgspec's errors are ValueErrors
-        told = f"{error}, after {len(rows)} whole samples" if rows or failures else "its header is not whole"
-        raise DatabaseError(f"{path}: is damaged ({told}); move it away, and what it held is computed again") from None
-    return header, _Content(np.frombuffer(b"".join(rows), row), failures), end
-
-
-def _frame(content: bytes) -> bytes:
-    return _FRAME.pack(len(content), hashlib.sha256(content).digest()) + content
-
-
-def _frames(data: bytes, start: int, longest: int) -> Iterator[tuple[bytes, int]]:
-    """Contents of the frames and where each ends, but for a last one that was torn while it was written.
-
-    Raises ValueError for one that is damaged otherwise. No frame is longer than `longest`.
-    """
-    place = start
-    while place + _FRAME.size <= len(data):
-        length, expected = _FRAME.unpack_from(data, place)
-        end = place + _FRAME.size + length
-        content = data[place + _FRAME.size : end]
-        if end > len(data) or hashlib.sha256(content).digest() != expected:
-            cut_short = end >= len(data) and len(data) - place <= longest
-            if cut_short or not any(data[place:]):  # after a power cut the tail may be zeros
-                return
-            raise ValueError(f"a wrong checksum at byte {place}")
-        yield content, end
-        place = end
-
-
-# --- files
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn a failure to write into a DatabaseError that names the file."""
-    try:
-        yield
-    except FileExistsError:
-        raise DatabaseError(f"{path}: another process began to fill this database; choose another -o") from None
-    except OSError as error:
-        raise DatabaseError(
-            f"{path}: cannot be written: {error.strerror or error} (make room or mend it, then give the same command)"
-        ) from error
-
-
-def _force(path: Path) -> None:
-    """Onto the disk, file or folder."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
