@@ -125,7 +125,7 @@ def pack(rng: np.random.Generator, *, spheres: int, size: tuple[float, float], t
         needed = START_FRACTION * np.prod(box) / (np.pi / 6.0 * (box.min() / SPHERES_ACROSS) ** 3)
         raise PackingError(
             f"{spheres} spheres of {2e3 * radii.mean():.0f} um are too large for an edge of {box.min():g} mm: "
-            f"try at least {int(1.2 * needed) + 1} spheres"
+            f"try at least {int(1.2 * needed) + 1} spheres in this plate of {size[0]:g} x {size[1]:g} mm"
         )
     centres = rng.uniform(0.0, 1.0, (spheres, 3)) * box
     return _settled(centres, radii, Surface.flat(size), thickness, iterations=2000)

@@ -125,6 +125,9 @@ def test_a_torn_tail_costs_one_sample_and_is_written_again(tmp_path):
         path.unlink(missing_ok=True)
         journal_of(path).write_bytes(whole[:cut])
         assert ids(path) == [0, 1]
+        begun(path, [2])  # after the last whole frame, not after the torn one
+        assert ids(path) == [0, 1, 2]
+        journal_of(path).write_bytes(whole[:cut])
         assert fill(path, [0, 1, 2]) == {0, 1}
         assert read(path).content_hash == read(tmp_path / "b.h5").content_hash
     path.unlink()

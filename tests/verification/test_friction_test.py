@@ -79,6 +79,8 @@ def test_constant_force_is_constant() -> None:
     static = QuasiStatic(own).slide(0.05)
     assert np.abs(static.curve.normal - 100.0).max() < 100.0 * own.settings.engine.tolerance
     assert np.ptp(static.curve.height) > 1e-3  # the wheel rides up and down
+    sampled = float(static.curve.share @ static.curve.tangential)  # the work of N on the way up is not that of T
+    assert static.curve.mean_tangential == pytest.approx(sampled, rel=0.01)
     dynamic = Explicit(own).slide(0.05)
     assert dynamic.curve.mean_normal == pytest.approx(100.0, rel=0.01)
     assert dynamic.curve.coefficient == pytest.approx(static.curve.coefficient, rel=0.05)  # the carriage follows late
