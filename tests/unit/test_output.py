@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import resource
+from contextlib import contextmanager
 
 import h5py
 import meshio
@@ -27,13 +28,18 @@ HEADER = (
 )
 
 
-@pytest.fixture
+@contextmanager
 def small_files():
-    """Files cannot grow beyond 4 kB: the error of a full disk without a disk."""
+    """Files cannot grow beyond 4 kB: the error of a full disk without a disk.
+
+    Not a fixture: pytest writes its own line, perhaps to a file, before it tears fixtures down.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_the_curve_is_on_disk_after_every_increment(tmp_path):
@@ -64,27 +70,29 @@ def test_a_resumed_curve_has_every_increment_once(tmp_path):
     np.testing.assert_array_equal(output.read_curve(tmp_path)[0], [0.0, 1.0, 2.0, 3.0])
 
 
-def test_a_full_disk_leaves_whole_rows(tmp_path, small_files):
-    curve = output.CurveFile(tmp_path)
+def test_a_full_disk_leaves_whole_rows(tmp_path):
+    with small_files():
+        curve = output.CurveFile(tmp_path)
 
-    def fill() -> None:
-        for k in range(1000):
-            curve.increment(fake_increment(k, 0.1 * k, 1e5 / 3.0))
+        def fill() -> None:
+            for k in range(1000):
+                curve.increment(fake_increment(k, 0.1 * k, 1e5 / 3.0))
 
-    with pytest.raises(OutputError, match=r"fitting_curve\.csv: cannot be written: .*make room"):
-        fill()
-    assert len(output.read_curve(tmp_path)[0]) == len(curve.records)
+        with pytest.raises(OutputError, match=r"fitting_curve\.csv: cannot be written: .*make room"):
+            fill()
+        assert len(output.read_curve(tmp_path)[0]) == len(curve.records)
 
 
-def test_a_full_disk_leaves_the_earlier_file(tmp_path, small_files):
-    solution = fake_solution()
-    (tmp_path / "interface.h5").write_bytes(b"earlier")
-    with pytest.raises(OutputError, match=r"interface\.h5: cannot be written"):
-        output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments)
-    with pytest.raises(OutputError, match=r"fitting_curve\.png: cannot be written"):
-        plots.write_figures(tmp_path, solution)
-    assert (tmp_path / "interface.h5").read_bytes() == b"earlier"
-    assert os.listdir(tmp_path) == ["interface.h5"]
+def test_a_full_disk_leaves_the_earlier_file(tmp_path):
+    with small_files():
+        solution = fake_solution()
+        (tmp_path / "interface.h5").write_bytes(b"earlier")
+        with pytest.raises(OutputError, match=r"interface\.h5: cannot be written"):
+            output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments)
+        with pytest.raises(OutputError, match=r"fitting_curve\.png: cannot be written"):
+            plots.write_figures(tmp_path, solution)
+        assert (tmp_path / "interface.h5").read_bytes() == b"earlier"
+        assert os.listdir(tmp_path) == ["interface.h5"]
 
 
 def test_what_fails_halfway_leaves_no_trace(tmp_path):
