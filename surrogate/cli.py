@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -189,3 +190,54 @@ def leave(code: int) -> None:
         if MPI.COMM_WORLD.size > 1:
             MPI.COMM_WORLD.Abort(code)
     click.get_current_context().exit(code)
+
+
+@main.command()
+@click.argument("database", type=FILE, metavar="DB.h5")
+@click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.safetensors", help="The network.")
+@click.option(
+    "--architecture", type=click.Choice(["energy", "paper"]), default="energy", show_default=True,
+    help="Shaped like the physics, or as Lalleman et al. describe it.",
+)  # fmt: skip
+@click.option(
+    "--faces", type=click.Choice(["generated", "envelope"]), default="generated", show_default=True,
+    help="Learn from surfaces as generated, or as the envelopes of their spheres.",
+)  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the split and the start.")
+@click.option("--members", type=click.IntRange(1, 64), default=8, show_default=True, help="Of the ensemble (energy).")
+@click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
+    """Train the network on a database; 30 % of its surfaces are held back.
+
+    Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
+    """
+    started = time.perf_counter()
+    from .checkpoint import save
+    from .curves import write_curves
+    from .database import read
+    from .errors import TrainingError
+    from .train import train as fit
+
+    if path.suffix != ".safetensors":
+        raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
+    if not path.resolve().parent.is_dir():
+        raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
+    trained = fit(read(database).samples, **options)
+    save(path, trained.model, trained.provenance)
+    label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
+    written = [path, *write_curves(trained.curves, path.with_suffix(""), label)]
+    if quiet:
+        return
+    about, scores = trained.provenance, trained.scores
+    click.echo(
+        f"Learned from    {about.training} pairs, {about.validation} held back; kept epoch {trained.curves.best}"
+    )
+    for low, high, count, error in scores.by_bin:
+        click.echo(
+            f"  micro {low:.2f} ... {high:.2f}   {count:5d} samples   mean error over mean {100.0 * error:.2f} %"
+        )
+    at = ", ".join(f"{100.0 * error:.2f} % at {micro}" for micro, error in scores.error.items())
+    click.echo(f"Relative error  {at} (on the line through both)")
+    click.echo(f"R2 of b         {scores.r2:.3f}; {100.0 * scores.coverage:.0f} % inside the stated 90 % interval")
+    click.echo(f"Wrote           {', '.join(map(str, written))} in {time.perf_counter() - started:.0f} s")

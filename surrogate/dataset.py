@@ -16,6 +16,8 @@ from .database import Samples
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
 Faces = Literal["generated", "envelope"]
+LOWEST = -0.06
+"""Of an envelope [mm]: nodes at the border that no sphere covers lie far below, and carry nothing."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,10 @@ def pairs(samples: Samples, faces: Faces = "generated") -> Pairs:
     wheel, axle = (
         (samples.wheel, samples.axle) if faces == "generated" else (samples.wheel_envelope, samples.axle_envelope)
     )
+    lowest = LOWEST if faces == "envelope" else -np.inf
     return Pairs(
-        wheel=torch.from_numpy(np.asarray(wheel, dtype=np.float32)),
-        axle=torch.from_numpy(np.asarray(axle, dtype=np.float32)),
+        wheel=torch.from_numpy(np.asarray(wheel, dtype=np.float32)).clamp_min(lowest),
+        axle=torch.from_numpy(np.asarray(axle, dtype=np.float32)).clamp_min(lowest),
         micro=torch.from_numpy(np.asarray(samples.micro_friction, dtype=np.float32)),
         meso=torch.from_numpy(np.asarray(samples.meso_friction, dtype=np.float32)),
         held=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),

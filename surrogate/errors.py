@@ -13,3 +13,11 @@ class DatabaseError(SurrogateError):
 
 class DesignError(SurrogateError):
     """A design of samples, or settings of the plates, that cannot be computed."""
+
+
+class CheckpointError(SurrogateError):
+    """Weights that cannot be read, are not what they say, or are of another kind."""
+
+
+class TrainingError(SurrogateError):
+    """Samples or options that nothing can be learned from."""

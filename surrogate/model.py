@@ -115,8 +115,14 @@ class Paper(nn.Module):
         for inputs, outputs in pairwise(sizes):
             layers += [nn.Linear(inputs, outputs), nn.ReLU()]
         self.dense = nn.Sequential(*layers)
+        for module in self.modules():  # He et al. (2015): torch's own start lets narrow layers of relu die
+            if isinstance(module, nn.Conv2d | nn.Linear):
+                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+                assert module.bias is not None
+                nn.init.zeros_(module.bias)
         last = layers[-2]
         assert isinstance(last, nn.Linear)
+        nn.init.normal_(last.weight, std=0.01)
         nn.init.constant_(last.bias, 0.5)  # a last relu that starts dead learns nothing
 
     @staticmethod

@@ -1,0 +1,47 @@
+"""Loss curves of a training as CSV and as a figure."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from .errors import TrainingError
+from .train import Curves
+
+
+def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
+    """Write `stem`.loss.csv and `stem`.loss.png; gives their paths.
+
+    Args:
+        curves: of the training.
+        stem: path without the endings.
+        label: of the loss.
+
+    Raises:
+        TrainingError: they cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    table, picture = stem.with_name(f"{stem.name}.loss.csv"), stem.with_name(f"{stem.name}.loss.png")
+    epochs = range(len(curves.training))
+    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.plot(epochs, curves.training, color="#0072B2", label="training")
+    axes.plot(epochs, curves.validation, color="#D55E00", label="validation")
+    axes.axvline(curves.best, color="0.5", linewidth=0.8, linestyle="--", label=f"kept: epoch {curves.best}")
+    axes.set_xlabel("epoch")
+    axes.set_ylabel(label)
+    axes.legend(frameon=False)
+    try:
+        with table.open("w", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(["epoch", "training", "validation"])
+            for epoch in epochs:
+                before = "" if epoch == 0 else f"{curves.training[epoch]:.8g}"
+                rows.writerow([epoch, before, f"{curves.validation[epoch]:.8g}"])
+        figure.savefig(picture, dpi=150)
+    except OSError as error:
+        raise TrainingError(f"{error.filename or table}: cannot be written: {error.strerror}") from error
+    return [table, picture]
