@@ -34,8 +34,12 @@ CHUNK = 25
 """Steps between two looks at the normal force, while squeezing."""
 REST_S = 2e-6
 """Time to come to rest after the squeeze [s]."""
+STRAYING = 0.2
+"""Rms difference of N from a constant load above which a slide carries a remark [-]."""
 START = 0.02
 """Part of the slide over which the speed is built up [-]."""
+CARRIAGE_MASS = 0.03
+"""Of the carriage at constant normal force, over the wheel's solid cube [-]: light, or it flies over valleys."""
 CARRIAGE_DAMPING = 0.1
 """Of the carriage at constant normal force, over the critical one [-]: more would work against climbing spheres."""
 
@@ -162,7 +166,15 @@ class _Run:
             largest_residual=0.0,
             cpu_s=time.process_time() - started,
             breaks=_breaks(self.body),
+            remark=self._straying(curve),
         )
+
+    def _straying(self, curve: Curve) -> str:
+        """A remark where inertia keeps N far from the load it should be."""
+        if self.settings.load.control != "force":
+            return ""
+        away = float(np.sqrt(curve.share @ (curve.normal / self.plates.target - 1.0) ** 2))
+        return f"N strays from the load by {away:.0%} rms: take a smaller engine.speed" if away > STRAYING else ""
 
     def advance(self, steps: int, speed: tuple[float, float], damping: float, target: float = 0.0) -> Sums:
         """Carry the wheel at this speed along and upwards [mm/s]; with a target [N] it falls freely under that load."""
@@ -177,9 +189,9 @@ class _Run:
         return sums
 
     def _carriage(self) -> tuple[float, float]:
-        """Mass [t] and damping [N s/mm] of the carriage at constant force: those of the wheel's solid cube."""
+        """Mass [t] and damping [N s/mm] of the carriage at constant force."""
         material, keys = self.settings.material, self.settings.plates
-        mass = material.density * self.plates.area * keys.cube
+        mass = CARRIAGE_MASS * material.density * self.plates.area * keys.cube
         stiffness = material.youngs_modulus * self.plates.area / (2.0 * keys.cube)
         return mass, 2.0 * CARRIAGE_DAMPING * float(np.sqrt(stiffness * mass))
 

@@ -29,8 +29,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """rho_M [t/mm3]."""
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.youngs_modulus < float("inf") and 0.0 < self.density < float("inf")):
-            raise SettingsError("material: youngs_modulus [MPa] and density [t/mm3] must be numbers > 0")
+        if not (1.0 <= self.youngs_modulus <= 1e8 and 0.0 < self.density <= 10.0):
+            raise SettingsError("material: take youngs_modulus in 1 ... 1e8 MPa and density in 0 ... 10 t/mm3")
         if not -1.0 < self.poisson_ratio < 0.5:
             raise SettingsError(f"material: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")
 

@@ -37,7 +37,7 @@ def flat_packing(spheres: int, size: tuple[float, float], thickness: float, seed
         with replacing(file) as draft:
             np.savez(draft, centres=made.centres, radii=made.radii)
     except OutputError as error:
-        warnings.warn(f"packings are not kept: {error}", stacklevel=2)
+        warnings.warn(f"packings are not kept, MACROFIT_CACHE may name another folder: {error}", stacklevel=2)
     return made
 
 
@@ -47,6 +47,8 @@ def _read(file: Path, size: tuple[float, float], thickness: float) -> Packing | 
             centres, radii = data["centres"], data["radii"]
         if centres.shape != (len(radii), 3) or not (np.isfinite(centres).all() and np.all(radii > 0.0)):
             raise ValueError("not a packing")
+        if len(radii) == 0 or np.any(centres < 0.0) or np.any(centres > np.array([*size, thickness])):
+            raise ValueError("spheres outside their box")
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:

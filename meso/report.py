@@ -20,6 +20,8 @@ from .records import Slide
 from .roughness import Roughness, measure
 from .surface import Surface
 
+UNBALANCED = 0.02
+"""Share of the work left over above which the summary says so [-]."""
 PAPER = "Lalleman et al. report about 0.11 for micro 0.07; sliding in equilibrium, this model gives 0.05 to 0.09"
 
 
@@ -162,6 +164,12 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     for each in numbers["slides"]:
         if each["broken_beams"]:
             lines.append(f"Broken beams    micro {each['micro_friction']:g}: {each['broken_beams']}")
+        rest = abs(each["work"]["imbalance"])
+        if rest > UNBALANCED:
+            lines.append(
+                f"Balance         micro {each['micro_friction']:g}: {rest:.0%} of the work is unaccounted for: take a "
+                "smaller engine.increment or another engine, and do not rely on it"
+            )
         if each["remark"]:
             lines.append(f"Remark          micro {each['micro_friction']:g}: {each['remark']}")
     engines = " and ".join(dict.fromkeys(each["engine"] for each in numbers["slides"]))

@@ -86,8 +86,8 @@ class ContactKeys(Keys, frozen=True):
             raise SettingsError("contact.micro_friction is empty: give one number, or a list")
         for mu in self.coefficients:
             _between("contact.micro_friction", mu, 0.0, 2.0)
-        _positive("contact.normal_stiffness", self.normal_stiffness)
-        _positive("contact.tangential_ratio", self.tangential_ratio)
+        _between("contact.normal_stiffness", self.normal_stiffness, 0.02, 100.0)
+        _between("contact.tangential_ratio", self.tangential_ratio, 0.01, 100.0)
 
 
 class LoadKeys(Keys, frozen=True):
@@ -100,8 +100,8 @@ class LoadKeys(Keys, frozen=True):
 
     def check(self) -> None:
         """Raise SettingsError for a value out of bounds."""
-        _positive("load.pressure", self.pressure)
-        _positive("load.slide", self.slide)
+        _between("load.pressure", self.pressure, 1e-3, 5000.0)
+        _between("load.slide", self.slide, 1e-3, 100.0)
         if self.interference is not None:
             _positive("load.interference", self.interference)
             if self.control == "force":
@@ -126,7 +126,9 @@ class EngineKeys(Keys, frozen=True):
     def check(self) -> None:
         """Raise SettingsError for a value out of bounds."""
         _between("engine.samples", self.samples, 10, 1_000_000)
-        for name in ("increment", "tolerance", "speed", "approach_speed", "damping_length", "squeeze_damping"):
+        _between("engine.increment", self.increment, 1e-5, 0.1)
+        _between("engine.tolerance", self.tolerance, 1e-9, 0.05)
+        for name in ("speed", "approach_speed", "damping_length", "squeeze_damping"):
             _positive(f"engine.{name}", getattr(self, name))
         _between("engine.safety", self.safety, 1e-3, 1.0)
         if self.time_step is not None:
@@ -165,6 +167,11 @@ class Settings(Keys, frozen=True):
         """
         for table in (self.surface, self.plates, self.contact, self.load, self.engine):
             table.check()
+        if self.load.interference is not None and self.load.interference > 0.3 * self.plates.thickness:
+            raise SettingsError(
+                f"load.interference = {self.load.interference:g} mm is too much: take less than 0.3 of "
+                f"plates.thickness = {self.plates.thickness:g} mm"
+            )
         squares = (self.plates.edge + self.load.slide) / self.plates.edge
         if self.surface.generator == "diamond_square" and abs(squares - round(squares)) > 1e-9:
             raise SettingsError(

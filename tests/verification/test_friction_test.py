@@ -226,3 +226,26 @@ def test_weak_beams_break_and_the_account_closes() -> None:
     assert weak.work.broken > 0.0
     assert abs(weak.work.imbalance) < 0.02
     assert np.isfinite(weak.curve.coefficient)
+
+
+def test_constant_force_at_a_small_load_stays_near_the_equilibrium() -> None:
+    small = ["plates.spheres=600", "load.pressure=40", "load.control=force", "engine.samples=100"]
+    static = QuasiStatic(make_plates(load(None, small))).slide(0.07).curve.coefficient
+    dynamic = Explicit(make_plates(load(None, [*small, "engine.speed=5000"]))).slide(0.07).curve.coefficient
+    assert dynamic == pytest.approx(static, rel=0.05)  # a heavy carriage flew over the valleys: half as much again
+
+
+def test_packing_out_of_its_box_is_made_again(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pathlib import Path
+
+    from meso.packing_cache import flat_packing
+
+    monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path))
+    flat_packing.cache_clear()
+    first = flat_packing(120, (0.5, 0.5), 0.3, 4)
+    (file,) = (Path(str(tmp_path)) / "packings").glob("*.npz")
+    for centres, radii in ((1.1 * first.centres, first.radii), (np.zeros((0, 3)), np.zeros(0))):
+        np.savez(file, centres=centres, radii=radii)
+        flat_packing.cache_clear()
+        with pytest.warns(UserWarning, match="made again"):
+            assert np.array_equal(flat_packing(120, (0.5, 0.5), 0.3, 4).centres, first.centres)
