@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -21,15 +21,14 @@ from .material import Beams
 from .packing import Packing, morph
 from .packing_cache import flat_packing
 from .settings import Settings, SurfaceKeys
-from .surface import Surface, diamond_square, generator, self_affine
+from .surface import Body, Surface, diamond_square, face_generator, self_affine
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
-Body: TypeAlias = Literal["wheel", "axle"]
 
 
 def rough_face(keys: SurfaceKeys, body: Body, seed: int, size: tuple[float, float]) -> Surface:
     """The surface of this seed on the plate of a body, `size` mm."""
-    rng = generator(f"surface of the {body}", seed)
+    rng = face_generator(body, seed)
     if keys.generator == "diamond_square":
         return diamond_square(
             rng, levels=keys.levels, max_height=keys.max_height, hurst_exponent=keys.hurst_exponent, size=size

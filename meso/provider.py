@@ -30,12 +30,10 @@ from .friction_test import prepared, slid
 from .lattice import Lattice
 from .material import Material
 from .packing import Packing
-from .plates import Body, beams_of, face_to_face, make_plate
+from .plates import beams_of, face_to_face, make_plate
 from .records import Slide
 from .settings import Settings, decode
-
-TILES = 2**16
-"""Tiles of one body, and seeds to choose from; both are counted from 0."""
+from .surface import Body, tile_seed
 
 HELD_SPHERES = 600_000
 """Spheres of the plates kept in memory, 0.3 kB each. An increment asks about all tiles in contact, once or twice:
@@ -79,7 +77,10 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     engine: dict[str, Any] = {}
 
     def __post_init__(self) -> None:
-        tile_seed(self.seed, 0)
+        try:
+            tile_seed(self.seed, 0)
+        except SettingsError as error:
+            raise ProviderError(f"friction.options.{error}") from None
         self.settings(1.0)  # a scene is refused when it is read, not when it runs
 
     def settings(self, tile_size: float) -> Settings:
@@ -147,7 +148,10 @@ class TileFriction:
 
     def settings(self, seat: int, bore: int) -> Settings:
         """The friction test of a pair: `meso.friction_test.run` with these gives its coefficient to the bit."""
-        seeds = {"axle_seed": tile_seed(self.seed, seat), "wheel_seed": tile_seed(self.seed, bore)}
+        try:
+            seeds = {"axle_seed": tile_seed(self.seed, seat), "wheel_seed": tile_seed(self.seed, bore)}
+        except SettingsError as error:
+            raise ProviderError(f"friction provider 'dem': {error}") from None
         return msgspec.structs.replace(self.shared, surface=msgspec.structs.replace(self.shared.surface, **seeds))
 
     def entry(self, seat: int, bore: int) -> Entry:
@@ -194,22 +198,6 @@ class TileFriction:
     def _made(self, body: Body, seed: int) -> tuple[Packing, Lattice]:
         surface = msgspec.structs.replace(self.shared.surface, axle_seed=seed, wheel_seed=seed)
         return make_plate(msgspec.structs.replace(self.shared, surface=surface), body)
-
-
-def tile_seed(seed: int, tile: int) -> int:
-    """The surface seed of a tile, 65536 seed + tile: no two tiles of a body share one, whatever the seed.
-
-    Seat tile i has axle_seed = tile_seed(seed, i) and bore tile j has wheel_seed = tile_seed(seed, j). The surfaces
-    of axle and wheel are drawn from independent streams, so equal numbers are not equal surfaces.
-
-    Raises:
-        ProviderError: a seed or a tile outside 0 ... 65535.
-    """
-    if not 0 <= seed < TILES:
-        raise ProviderError(f"friction.options.seed = {seed} is out of bounds: take 0 ... {TILES - 1}")
-    if not 0 <= tile < TILES:
-        raise ProviderError(f"friction provider 'dem': no tile {tile}; they are numbered 0 ... {TILES - 1}")
-    return TILES * seed + tile
 
 
 def _entry(settings: Settings, slide: Slide) -> Entry:

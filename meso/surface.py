@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from math import isfinite
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,10 @@ import numpy.typing as npt
 from .errors import SettingsError, SurfaceError
 
 FloatArray = npt.NDArray[np.float64]
+Body: TypeAlias = Literal["wheel", "axle"]
 LEVELS = range(1, 11)
+TILES = 2**16
+"""Tiles of one body, and seeds to choose from; both are counted from 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +131,27 @@ def generator(purpose: str, *numbers: int) -> np.random.Generator:
             raise SettingsError(f"seed {number} of the {purpose}: take a whole number from 0 to 4294967295")
     words = [zlib.crc32(purpose.encode()), len(numbers), *(int(number) for number in numbers)]
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
+
+
+def face_generator(body: Body, seed: int) -> np.random.Generator:
+    """The stream of a body's rough face; those of axle and wheel are independent, whatever their seeds."""
+    return generator(f"surface of the {body}", seed)
+
+
+def tile_seed(seed: int, tile: int) -> int:
+    """The surface seed of a tile, 65536 seed + tile: no two tiles of a body share one, whatever the seed.
+
+    Seat tile i has axle_seed = tile_seed(seed, i) and bore tile j has wheel_seed = tile_seed(seed, j). The surfaces
+    of axle and wheel are drawn from independent streams, so equal numbers are not equal surfaces.
+
+    Raises:
+        SettingsError: a seed or a tile outside 0 ... 65535.
+    """
+    if not 0 <= seed < TILES:
+        raise SettingsError(f"seed = {seed} is out of bounds: take 0 ... {TILES - 1}")
+    if not 0 <= tile < TILES:
+        raise SettingsError(f"there is no tile {tile}; they are numbered 0 ... {TILES - 1}")
+    return TILES * seed + tile
 
 
 def grid_shape(levels: int, size: tuple[float, float]) -> tuple[int, int]:

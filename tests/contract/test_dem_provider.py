@@ -31,13 +31,15 @@ from macrofit.scene import Scene, build_scene
 from macrofit.solve import solve
 from meso import coefficient_cache, friction_test
 from meso.coefficient_cache import fingerprint
+from meso.errors import SettingsError
 from meso.lattice import Lattice
 from meso.packing import Packing
-from meso.plates import Body, Plates, make_plate
-from meso.provider import TileFriction, tile_seed
+from meso.plates import Plates, make_plate
+from meso.provider import DirectDem, TileFriction
 from meso.quasistatic import Unsettled
 from meso.records import Slide
 from meso.settings import Settings, decode
+from meso.surface import Body, tile_seed
 
 SMALL: dict[str, Any] = {
     "micro_friction": 0.2,
@@ -150,8 +152,15 @@ def test_each_tile_has_a_surface_of_its_own() -> None:
 
 @pytest.mark.parametrize(("seed", "tile"), [(-1, 0), (65536, 0), (1, -1), (1, 65536)])
 def test_seeds_and_tiles_are_bounded(seed: int, tile: int) -> None:
-    with pytest.raises(ProviderError, match="65535"):
+    with pytest.raises(SettingsError, match="65535"):
         tile_seed(seed, tile)
+
+
+def test_a_tile_without_a_seed_is_the_providers_error() -> None:
+    with pytest.raises(ProviderError, match="friction provider 'dem': there is no tile 65536"):
+        made().settings(65536, 0)
+    with pytest.raises(ProviderError, match=r"friction\.options\.seed = -1"):
+        DirectDem(seed=-1)
 
 
 def test_repeated_pairs_are_computed_once() -> None:
