@@ -21,3 +21,7 @@ class CheckpointError(SurrogateError):
 
 class TrainingError(SurrogateError):
     """Samples or options that nothing can be learned from."""
+
+
+class PredictionError(SurrogateError):
+    """Surfaces or coefficients that the network cannot be asked about."""
