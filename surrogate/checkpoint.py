@@ -23,6 +23,7 @@ from torch import Tensor
 from .dataset import Faces
 from .errors import CheckpointError
 from .model import Energy, Paper
+from .samples import Plates
 
 Architecture = Literal["energy", "paper"]
 Model: TypeAlias = Energy | Paper
@@ -36,10 +37,10 @@ class EnergyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     """Arguments of `Energy`."""
 
     stiffness: list[float]
-    load: float = 170.0
+    load: float
     members: int = 8
     width: int = 24
-    positions: int = 9
+    positions: int = 5
 
     def build(self) -> Energy:
         """The network, untrained."""
@@ -73,6 +74,9 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """Pairs held back, for early stopping and for the stated uncertainty."""
     points: int
     """Of a wheel's face along its edge."""
+    plates: Plates
+    surface_seeds: tuple[int, int]
+    """Smallest and largest seed of a surface, of both bodies together; held back or not."""
     max_height: tuple[float, float]
     """Smallest and largest R [mm]."""
     levels: tuple[int, ...]

@@ -223,7 +223,9 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
     if not path.resolve().parent.is_dir():
         raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
-    trained = fit(read(database).samples, **options)
+    found = read(database)
+    resume = path.with_suffix(".state.safetensors")
+    trained = fit(found.samples, plates=found.header.plates, resume=resume, **options)
     save(path, trained.model, trained.provenance)
     label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
     written = [path, *write_curves(trained.curves, path.with_suffix(""), label)]
@@ -241,3 +243,81 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     click.echo(f"Relative error  {at} (on the line through both)")
     click.echo(f"R2 of b         {scores.r2:.3f}; {100.0 * scores.coverage:.0f} % inside the stated 90 % interval")
     click.echo(f"Wrote           {', '.join(map(str, written))} in {time.perf_counter() - started:.0f} s")
+
+
+@main.command()
+@click.argument("database", type=FILE, required=False, metavar="[DB.h5|TABLE.csv]")
+@click.option("-n", "--network", type=FILE, metavar="FILE.safetensors", help="The shipped one where it is left out.")
+@click.option(
+    "--beside", type=FILE, multiple=True, metavar="FILE.safetensors",
+    help="Another network to show beside it; several may be given.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", "folder", type=FILE, default="evaluation", show_default=True, help="For what it writes."
+)
+def evaluate(database: Path | None, network: Path | None, beside: tuple[Path, ...], folder: Path) -> None:
+    """Judge a network by friction tests of surfaces it has never seen.
+
+    Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
+    program; without any network, the shipped one with the paper's architecture beside it.
+    """
+    from .evaluate import evaluation
+    from .report import evaluation_lines
+    from .shipped import EVALUATION, NETWORK, PAPER
+
+    if network is None and not beside:
+        beside = (PAPER,)
+    result, written = evaluation(database or EVALUATION, network or NETWORK, beside, folder)
+    for line in evaluation_lines(result):
+        click.echo(line)
+    click.echo(f"Wrote           {', '.join(map(str, written))}")
+
+
+@main.command()
+@click.option("-n", "--network", type=FILE, metavar="FILE.safetensors", help="The shipped one where it is left out.")
+@click.option("--wheel", type=FILE, metavar="FILE", help="Heights of the wheel's face, 1 x 1 mm [mm] (.npy, .csv).")
+@click.option("--axle", type=FILE, metavar="FILE", help="Heights of the axle's face, 2 x 1 mm [mm].")
+@click.option("--wheel-seed", type=click.IntRange(0), default=1, show_default=True, help="Where no file is given.")
+@click.option("--axle-seed", type=click.IntRange(0), default=2, show_default=True, help="Where no file is given.")
+@click.option("--max-height", type=float, default=0.02, show_default=True, help="Range R of the random heights [mm].")
+@click.option("--levels", type=int, default=3, show_default=True, help="Subdivisions: 2^n + 1 points along 1 mm.")
+@click.option("--hurst-exponent", type=float, default=0.8, show_default=True, help="From 0 (rough) to 1 (smooth).")
+@click.option(
+    "--micro-friction", callback=numbers(float), default="0.03,0.05,0.07,0.09", show_default=True,
+    metavar="MU[,MU...]", help="Coefficients of sphere on sphere.",
+)  # fmt: skip
+@click.option("-o", "--output", "target", type=FILE, metavar="FILE.png|FILE.csv", help="Figure, or a table.")
+def predict(network: Path | None, target: Path | None, micro_friction: tuple[float, ...], **options: Any) -> None:
+    """Predict the meso coefficient of a pair of rough faces, from their seeds or from files.
+
+    The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
+    """
+    from .pair import predict_pair, write_pair
+    from .predict import Predictor
+    from .report import prediction_lines
+
+    if target is not None and target.suffix not in (".png", ".csv"):
+        raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
+    pair = predict_pair(Predictor(network), micro_friction, **options)
+    for warning in pair.outside:
+        complain(f"warning: {warning}; the network has not seen such a case")
+    for line in prediction_lines(pair):
+        click.echo(line)
+    if target is not None:
+        write_pair(pair, target)
+        click.echo(f"Wrote           {target}")
+
+
+@main.command()
+@click.argument("database", type=FILE, metavar="DB.h5")
+@click.option("-o", "--output", "path", type=FILE, required=True, metavar="TABLE.csv", help="The table.")
+def table(database: Path, path: Path) -> None:
+    """Write a database as a table of text: all but the heights, which follow from the seeds."""
+    from .database import read
+    from .table import write_table
+
+    if path.suffix != ".csv":
+        raise click.UsageError(f"--output {path}: give a name that ends in .csv")
+    found = read(database)
+    write_table(found, path)
+    click.echo(f"Wrote           {path}: {len(found.samples)} samples, {path.stat().st_size / 1e3:.0f} kB")

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from .database import Samples
+from .errors import TrainingError
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
 Faces = Literal["generated", "envelope"]
@@ -54,6 +55,8 @@ def pairs(samples: Samples, faces: Faces = "generated") -> Pairs:
     wheel, axle = (
         (samples.wheel, samples.axle) if faces == "generated" else (samples.wheel_envelope, samples.axle_envelope)
     )
+    if not wheel.shape[1]:
+        raise TrainingError("the samples have no envelopes of spheres, a table never has: take the database itself")
     lowest = LOWEST if faces == "envelope" else -np.inf
     return Pairs(
         wheel=torch.from_numpy(np.asarray(wheel, dtype=np.float32)).clamp_min(lowest),

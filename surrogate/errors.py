@@ -25,3 +25,7 @@ class TrainingError(SurrogateError):
 
 class PredictionError(SurrogateError):
     """Surfaces or coefficients that the network cannot be asked about."""
+
+
+class EvaluationError(SurrogateError):
+    """Samples that a network cannot be judged by."""

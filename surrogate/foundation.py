@@ -11,69 +11,112 @@ because what friction does not lose stays behind as stored energy.
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
-NEWTON = 12
-"""Steps to the height; N(z) is convex and piecewise linear, and three or four usually suffice."""
+NEWTON = 30
+"""Steps to the height at most; N(z) is convex and piecewise linear, and five usually suffice."""
+CLOSE = 1e-5
+"""Of the mean overlap: a smaller step is the last."""
 
 
-def facing(wheel: Tensor, axle: Tensor, positions: int) -> Tensor:
-    """Sum of the heights of both faces at equal steps of the slide, from the start to the end.
+class Slide(NamedTuple):
+    """What foundations of stiffnesses K say of a slide, (pairs, K) each."""
 
-    Args:
-        wheel: heights outward from its plate (pairs, n + 1, n + 1) [mm].
-        axle: heights (pairs, 2 n + 1, n + 1) [mm]; the wheel begins at its first row.
-        positions: how many, one more than a divisor of n.
-
-    Returns:
-        (pairs, positions, n + 1, n + 1) [mm].
-    """
-    cells = wheel.shape[1] - 1
-    step = cells // (positions - 1)
-    return torch.stack([axle[:, k * step : k * step + cells + 1] + wheel for k in range(positions)], dim=1)
+    b: Tensor
+    """Change of the energy over the mean load and the slide [-]."""
+    load: Tensor
+    """Mean over the slide, over the load at the start [-]."""
+    least: Tensor
+    """Smallest load of the positions, over the load at the start [-]; 0 where contact is lost."""
+    depth: Tensor
+    """Mean energy over mean load [mm]: half of the overlap where the load is carried."""
 
 
 class Foundation(nn.Module):
-    """Energies and loads of foundations of several stiffnesses K, which are parameters.
+    """Energies and loads of foundations of several stiffnesses.
 
     Args:
-        stiffness: starting values of K [N/mm3].
+        stiffness: K [N/mm3], rising.
         load: that the height is set to carry at the start [N].
-        positions: of the slide that are looked at, the first and the last among them.
+        positions: of the slide that are looked at, the first and the last among them: one more than a divisor of n.
         edge: of the apparent area [mm], and length of the slide.
+
+    Raises:
+        ValueError: the stiffnesses do not rise, or there are fewer than two positions.
     """
 
-    def __init__(self, stiffness: list[float], load: float, positions: int = 9, edge: float = 1.0) -> None:
+    def __init__(self, stiffness: list[float], load: float, positions: int = 5, edge: float = 1.0) -> None:
         super().__init__()
-        self.log_stiffness = nn.Parameter(torch.tensor(stiffness, dtype=torch.float32).log())  # (K,)
-        self.load, self.positions, self.edge = load, positions, edge
-        weight = torch.ones(positions)
-        weight[0] = weight[-1] = 0.5
-        self.register_buffer("weight", weight / weight.sum())  # (S,) trapezoid rule along the slide
-        self.weight: Tensor
+        if positions < 2 or not stiffness or any(right <= left for left, right in pairwise((0.0, *stiffness))):
+            raise ValueError("a foundation needs two positions and stiffnesses that rise from above 0")
+        self.stiffness, self.load, self.positions, self.edge = tuple(stiffness), load, positions, edge
 
     def forward(self, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
-        """b [-] and mean load over the load [-] for each stiffness: two of shape (pairs, K)."""
-        sums = facing(wheel, axle, self.positions).flatten(2)  # (P, S, G)
-        area = self.edge**2
-        energies, loads = [], []
-        for stiffness in self.log_stiffness.exp():
-            height = self._height(sums[:, 0], self.load / (stiffness * area))  # (P, 1)
-            overlap = (sums - height[:, None]).clamp_min(0.0)  # (P, S, G)
-            loads.append(stiffness * area * overlap.mean(dim=2) @ self.weight)
-            ends = overlap[:, [0, -1]].square().mean(dim=2)  # (P, 2)
-            energies.append(0.5 * stiffness * area * (ends[:, 1] - ends[:, 0]))
-        load = torch.stack(loads, dim=1)  # (P, K)
-        b = torch.stack(energies, dim=1) / (load.clamp_min(0.05 * self.load) * self.edge)
-        return b, load / self.load
+        """b and the mean load, as in `slide`."""
+        slide = self.slide(wheel, axle)
+        return slide.b, slide.load
 
-    @staticmethod
-    def _height(sums: Tensor, mean_overlap: Tensor) -> Tensor:
-        """z with mean <sums - z> = mean_overlap, by Newton from below; sums (P, G), result (P, 1) [mm]."""
-        height = sums.amin(dim=1, keepdim=True) - mean_overlap
-        for _ in range(NEWTON):
-            gap = sums - height
-            inside = (gap > 0.0).float()
-            height = height + ((gap * inside).mean(1, keepdim=True) - mean_overlap) / inside.mean(1, keepdim=True)
-        return height
+    def slide(self, wheel: Tensor, axle: Tensor) -> Slide:
+        """The slides of pairs.
+
+        A row of the answer has the same bits whatever the other rows are, for a given number of rows.
+
+        Args:
+            wheel: heights outward from its plate (pairs, n + 1, n + 1) [mm].
+            axle: heights (pairs, 2 n + 1, n + 1) [mm]; the wheel begins at its first row.
+        """
+        rows = wheel.shape[1] - 1
+        stride, row = rows // (self.positions - 1), wheel.shape[2]
+        face, track = wheel.flatten(1), axle.flatten(1)
+        nodes = face.shape[1]  # G
+        sums = [face + track[:, at : at + nodes] for at in range(0, rows * row + 1, stride * row)]  # S of (P, G)
+        area = self.edge**2
+        # flat faces would be pressed to their mean less the overlap: others not so deep
+        height = sums[0].sum(1, keepdim=True) / nodes - self.load / (self.stiffness[0] * area)  # (P, 1)
+        found: list[tuple[Tensor, ...]] = []
+        for stiffness in self.stiffness:
+            height = settle(sums[0], self.load / (stiffness * area), height)
+            loads, energies = [], []
+            for at in sums:
+                overlap = (at - height).relu_()  # (P, G)
+                loads.append(overlap.sum(1) * (stiffness * area / nodes))
+                energies.append(torch.linalg.vector_norm(overlap, dim=1).square() * (0.5 * stiffness * area / nodes))
+            load, energy = trapezoid(loads), trapezoid(energies)  # (P,)
+            b = (energies[-1] - energies[0]) / (load.clamp_min(0.05 * self.load) * self.edge)
+            least = torch.stack(loads, dim=1).amin(1)
+            found.append((b, load / self.load, least / self.load, energy / load.clamp_min(0.05 * self.load)))
+        return Slide(*(torch.stack(column, dim=1) for column in zip(*found, strict=True)))
+
+
+def trapezoid(values: list[Tensor]) -> Tensor:
+    """Mean along the slide of values at equal steps, by the trapezoid rule."""
+    inner = sum(values[1:-1], 0.5 * (values[0] + values[-1]))
+    return inner / (len(values) - 1)
+
+
+def settle(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
+    """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
+
+    Each pair stops by itself when its step is less than `CLOSE`, so that its bits do not depend on the others. The last
+    step carries the gradient, dz/dsums = 1/(nodes in contact) on those.
+
+    Args:
+        sums: of the heights of both faces (pairs, G) [mm].
+        overlap: mean over all nodes [mm].
+        start: a height not above z, (pairs, 1) [mm].
+    """
+    height = start
+    for _ in range(NEWTON):
+        below = height.detach()
+        inside = (sums - below).relu_()
+        excess = inside.sum(1, keepdim=True) - overlap * sums.shape[1]
+        step = excess / inside.detach().sign().sum(1, keepdim=True)
+        moves = step > CLOSE * overlap
+        if not bool(moves.any()):
+            break
+        height = torch.where(moves, below + step, height)
+    return height

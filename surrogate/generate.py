@@ -37,12 +37,12 @@ from scipy.stats import qmc
 from meso.coefficient_cache import PACKAGE, reached
 from meso.errors import MesoError
 from meso.friction_test import run
-from meso.packing import Packing
 from meso.settings import Settings, dump
 from meso.settings import load as load_settings
 
 from .database import Header, open_database
 from .errors import DesignError, SurrogateError
+from .faces import heights
 from .monitor import FarmMonitor, Silent
 
 FRICTION_RANGE = (0.01, 0.09)
@@ -254,8 +254,8 @@ def simulate(task: Task) -> Result:
         "levels": surface.levels,
         "max_height": surface.max_height,
         "hurst_exponent": surface.hurst_exponent,
-        "wheel": heights(test.plates.wheel_packing, header.points),
-        "axle": heights(test.plates.axle_packing, header.points),
+        "wheel": heights(test.plates.wheel_packing.surface, header.points),
+        "axle": heights(test.plates.axle_packing.surface, header.points),
         "wheel_envelope": test.plates.wheel_packing.envelope((across, across)),
         "axle_envelope": test.plates.axle_packing.envelope((along, across)),
         "micro_friction": [slide.micro_friction for slide in test.slides],
@@ -275,12 +275,6 @@ def simulate(task: Task) -> Result:
     for name in header.row().names or ():
         row[name] = values[name]
     return Result(task.id, row.tobytes())
-
-
-def heights(packing: Packing, points: int) -> npt.NDArray[np.float64]:
-    """The rough face of a plate at `points` points across and as many on each square along the slide [mm]."""
-    length, width = packing.size
-    return packing.surface.resampled((round(length / width) * (points - 1) + 1, points)).heights
 
 
 class Farm(Protocol):

@@ -6,15 +6,19 @@ coefficient. Heights in mm: wheel (pairs, n + 1, n + 1), axle (pairs, 2 n + 1, n
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import reduce
 from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 
-from .foundation import Foundation, facing
+from .foundation import Foundation
 
-FEATURES = 8
-"""Even features: they stay the same when the slide is reversed."""
+CHUNK = 64
+"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
+LAW = 512
+"""Pairs whose laws are computed together."""
 FLOOR = 1e-5
 """Of a standard deviation [-]."""
 
@@ -23,58 +27,82 @@ class Energy(nn.Module):
     """mu_meso = a mu_micro + b, with b from energies of elastic foundations, an ensemble of small networks.
 
     b = sum over foundations of g_k b_k, a = a_0 + ..., and the spread of the packings, where g, a and the spread follow
-    from even features of the two faces (loads, roughness, share in contact) by a small perceptron. With its last layer
-    at zero the network is the foundations' linear combination; it cannot invent a slope where no energy changes.
+    from even features of the two faces by a small perceptron. (Even: they stay the same when the slide is reversed.)
+    With its last layer at zero the network is the foundations' linear combination; it cannot invent a slope where no
+    energy changes.
+
+    The features are the roughness and the slope of the upper halves of both faces, and for each foundation the mean
+    and the smallest load and the mean depth along the slide.
+
+    The answer for a pair has the same bits whatever other pairs are asked for. The nodes of a face are summed one face
+    at a time, those of a pair in chunks of one size; what follows has only operations that are exactly rounded on each
+    number by itself (no matrix product, no tanh, whose bits depend on the place in the batch).
 
     Args:
-        stiffness: of the foundations [N/mm3].
+        stiffness: of the foundations [N/mm3], rising.
         load: normal force at the start of the slide [N].
         members: of the ensemble.
         width: of the perceptrons.
+        positions: of the slide that the foundations look at.
     """
 
     def __init__(
-        self, stiffness: list[float], load: float = 170.0, members: int = 8, width: int = 24, positions: int = 5
+        self, stiffness: list[float], load: float, members: int = 8, width: int = 24, positions: int = 5
     ) -> None:
         super().__init__()
         self.foundation = Foundation(stiffness, load, positions)
-        self.foundation.log_stiffness.requires_grad_(False)
-        outputs = len(stiffness) + 2  # weights of b, then a, then log of the spread
-        self.register_buffer("centre", torch.zeros(FEATURES))
-        self.register_buffer("scale", torch.ones(FEATURES))
+        features, outputs = 2 + 3 * len(stiffness), len(stiffness) + 2  # weights of b, then a, then the spread
+        self.register_buffer("centre", torch.zeros(features))
+        self.register_buffer("scale", torch.ones(features))
         self.register_buffer("widening", torch.ones(()))  # of the spread, from data not trained on
-        self.first = nn.Parameter(torch.randn(members, FEATURES, width) * FEATURES**-0.5)
+        self.register_buffer("lost", torch.zeros(()))  # smallest load of the stiffest foundation that holds contact
+        self.first = nn.Parameter(torch.empty(members, features, width))
         self.first_bias = nn.Parameter(torch.zeros(members, width))
         self.last = nn.Parameter(torch.zeros(members, width, outputs))
-        start = torch.cat([torch.full((len(stiffness),), 0.9 / len(stiffness)), torch.tensor([1.03, -1.5])])
-        self.last_bias = nn.Parameter(start.repeat(members, 1))
+        self.last_bias = nn.Parameter(torch.empty(members, outputs))
+        if not self.first.is_meta:  # there arithmetic costs a second of imports, and nothing is kept
+            nn.init.normal_(self.first, std=features**-0.5)
+            start = [0.9 / len(stiffness)] * len(stiffness) + [1.03, -0.9]
+            self.last_bias.data.copy_(torch.tensor(start))
         self.centre: Tensor
         self.scale: Tensor
         self.widening: Tensor
+        self.lost: Tensor
 
-    def prepare(self, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
-        """Slopes of the foundations (pairs, K) and even features (pairs, FEATURES): all that is needed of the faces."""
-        slopes, loads = self.foundation(wheel, axle)
-        ends = facing(wheel, axle, self.foundation.positions)[:, [0, -1]].flatten(2)  # (P, 2, G)
-        rough = torch.stack(
-            [
-                wheel.flatten(1).std(1), axle.flatten(1).std(1), ends.std(2).mean(1),
-                torch.diff(wheel, dim=1).flatten(1).std(1), torch.diff(axle, dim=1).flatten(1).std(1),
-            ],
-            dim=1,
-        )  # fmt: skip
-        features = torch.cat([rough.clamp_min(1e-6).log(), loads.clamp_min(1e-3).log()[:, :3]], dim=1)
-        return slopes, nn.functional.pad(features, (0, FEATURES - features.shape[1]))
+    def prepare(self, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
+        """Slopes of the foundations (pairs, K) and even features (pairs, F): all that is needed of the faces.
+
+        Args:
+            wheels: heights of the faces [mm], (wheels, n + 1, n + 1).
+            axles: (axles, 2 n + 1, n + 1).
+            wheel: which of them is in each pair, (pairs,).
+            axle: (pairs,).
+        """
+        uneven, uneven_axle = (torch.stack([roughness(face) for face in faces]) for faces in (wheels, axles))
+        slopes, features = [], []
+        for w, x in zip(chunks(wheel, CHUNK), chunks(axle, CHUNK), strict=True):
+            count = len(w)
+            w, x = (torch.cat([which, which.new_zeros(CHUNK - count)]) for which in (w, x))
+            slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x))
+            both = (uneven.index_select(0, w).square() + uneven_axle.index_select(0, x).square()).sqrt()
+            slopes.append(slide.b[:count])
+            features.append(torch.cat([both, slide.load, slide.depth, slide.least], dim=1)[:count])
+        return torch.cat(slopes), torch.cat(features)
 
     def law(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """a, b and the spread of b of every member, (members, pairs) each."""
-        x = (features - self.centre) / self.scale
-        hidden = torch.tanh(torch.einsum("pf,mfw->mpw", x, self.first) + self.first_bias[:, None])
-        out = torch.einsum("mpw,mwo->mpo", hidden, self.last) + self.last_bias[:, None]
-        k = slopes.shape[1]
-        b = (out[..., :k] * slopes).sum(2)
-        # the spread grows with the rms height of both faces: it is learned per micrometre of it, in thousandths
-        return out[..., k], b, out[..., k + 1].exp() * features[:, 2].exp() + FLOOR
+        x = ((features - self.centre) / self.scale).T.contiguous()  # (F, P)
+        hidden = self.first_bias[:, :, None]
+        for row, value in zip(self.first.unbind(1), x, strict=True):
+            hidden = hidden + row[:, :, None] * value  # (M, W, P)
+        hidden = nn.functional.softsign(hidden)
+        out = self.last_bias[:, :, None]
+        for row, unit in zip(self.last.unbind(1), hidden.unbind(1), strict=True):
+            out = out + row[:, :, None] * unit[:, None]  # (M, K + 2, P)
+        *weights, a, wide = out.unbind(1)
+        b = added([weight * slope for weight, slope in zip(weights, slopes.T, strict=True)])
+        # the spread grows with the roughness of both faces: it is learned per micrometre of it, in thousandths
+        return a, b, 0.5 * (wide + (wide.square() + 1.0).sqrt()) * features[:, 0] + FLOOR
 
     def members(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Means and standard deviations of every member, (members, pairs, k) each."""
@@ -83,13 +111,52 @@ class Energy(nn.Module):
 
     def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
-        return self.gathered(*self.prepare(wheel, axle), micro)
+        each = torch.arange(len(wheel), device=wheel.device)
+        return self.gathered(*self.prepare(wheel, axle, each, each), micro)
 
     def gathered(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
-        """The same from prepared faces: mean over the ensemble, spread of the packings and of the members together."""
-        mean, spread = self.members(slopes, features, micro)
-        variance = spread.square().mean(0) + mean.var(0, unbiased=False)
-        return mean.mean(0), self.widening * variance.sqrt()
+        """The same from prepared faces: mean over the ensemble, spread of the packings and of the members together.
+
+        Exactly affine in the micro coefficient, in the precision of `micro`.
+        """
+        means, spreads = [], []
+        for s, f, m in zip(*(chunks(part, LAW) for part in (slopes, features, micro)), strict=True):
+            a, b, spread = self.law(s, f)
+            a_mean, b_mean = average(a), average(b)  # (P,)
+            apart = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
+            means.append(a_mean[:, None] * m + b_mean[:, None])
+            spreads.append(self.widening * (average(spread.square())[:, None] + average(apart.square())).sqrt())
+        return torch.cat(means), torch.cat(spreads)
+
+    def holds(self, features: Tensor) -> Tensor:
+        """Whether the plates keep in contact all along the slide, (pairs,)."""
+        return features[:, -1] > self.lost
+
+
+def roughness(face: Tensor) -> Tensor:
+    """Of the part of a face above its median: rms height above it [mm], rms step between rows and columns [mm]; (2,).
+
+    The lower part carries nothing, and the envelope of spheres has deep gaps there.
+    """
+    upper = (face - face.median()).clamp_min(0.0)
+    steps = torch.cat([upper.diff(dim=0).flatten(), upper.diff(dim=1).flatten()])
+    return torch.stack([upper.square().mean(), steps.square().mean()]).sqrt()
+
+
+def chunks(values: Tensor, size: int) -> tuple[Tensor, ...]:
+    """Rows, `size` at a time."""
+    parts: tuple[Tensor, ...] = torch.split(values, size)  # type: ignore[no-untyped-call,unused-ignore]
+    return parts
+
+
+def added(terms: Sequence[Tensor]) -> Tensor:
+    """Their sum, one after the other, so that its bits do not depend on the shape."""
+    return reduce(torch.add, terms)
+
+
+def average(members: Tensor) -> Tensor:
+    """Mean over the first dimension, as `added`."""
+    return added(members.unbind(0)) / len(members)
 
 
 class Paper(nn.Module):
@@ -110,7 +177,7 @@ class Paper(nn.Module):
         self.widening: Tensor
         self.wheel, self.axle = self._branch(filters), self._branch(filters)
         flat = filters[-1] * (points * points + (2 * points - 1) * points)
-        sizes = (flat + 1, 128, 64, 32, 16, 1)
+        sizes = (flat + 1, 64, 64, 32, 16, 1)
         layers: list[nn.Module] = []
         for inputs, outputs in pairwise(sizes):
             layers += [nn.Linear(inputs, outputs), nn.ReLU()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
@@ -11,6 +12,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from .errors import DatabaseError
+
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 HeightArray: TypeAlias = npt.NDArray[np.float32]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -18,6 +21,26 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 SCHEMA = 1
 BLOCK = 256
 """Samples that are laid out row by row at a time."""
+
+
+class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What all plates of a database have in common, and a network that learns from it cannot know otherwise."""
+
+    spheres: int = 3000
+    edge: float = 1.0
+    """Of the wheel's plate [mm]."""
+    slide: float = 1.0
+    """[mm]."""
+    pressure: float = 170.0
+    """Before the slide [MPa]."""
+    youngs_modulus: float = 210e3
+    """[MPa]."""
+    poisson_ratio: float = 0.3
+
+    @property
+    def load(self) -> float:
+        """Normal force before the slide [N]."""
+        return self.pressure * self.edge**2
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -38,6 +61,21 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     points: int = 33
     """Of a surface along the edge of the wheel's plate; an envelope has 2 points - 1."""
     schema: int = SCHEMA
+
+    @property
+    def plates(self) -> Plates:
+        """What the settings say of the plates.
+
+        Raises:
+            DatabaseError: they are no TOML, or lack a key.
+        """
+        try:
+            tables = tomllib.loads(self.settings)
+            where = {"spheres": "plates", "edge": "plates", "slide": "load", "pressure": "load"}
+            keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__}
+            return msgspec.convert(keys, Plates)
+        except (tomllib.TOMLDecodeError, KeyError, msgspec.ValidationError) as error:
+            raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 
     def row(self) -> np.dtype[Any]:
         """The type of one sample: the fields of `Samples`."""

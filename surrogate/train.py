@@ -1,10 +1,10 @@
 """Training: samples in, a network with its provenance and loss curves out.
 
 `energy` starts at its baseline: the weights of b are those of a ridge regression on the foundations' slopes, weighted
-by 1/Sq^2 of both faces together. From there Adam lowers the negative log-likelihood of all members at once, each with
-its own weights of the pairs (a Bayesian bootstrap). `paper` lowers the mean squared error. Both stop early: the state
-with the lowest loss on the validation pairs is kept. Then the stated spread is scaled until 90 % of the validation
-pairs lie within the mean -+ 1.645 standard deviations.
+by one over the squared roughness of both faces. From there Adam lowers the negative log-likelihood of all members at
+once, each with its own weights of the pairs (a Bayesian bootstrap). `paper` lowers the mean squared error. Both stop
+early: the state with the lowest loss on the validation pairs is kept. Then the stated spread is scaled until 90 % of
+the validation pairs lie within the mean -+ 1.645 standard deviations.
 
 The validation pairs choose the epoch and the spread, so the errors on them flatter the network a little; `evaluate`
 uses pairs that had no part in either.
@@ -13,9 +13,11 @@ uses pairs that had no part in either.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from itertools import pairwise
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import safetensors
@@ -26,14 +28,19 @@ from .checkpoint import Architecture, EnergyOptions, Model, PaperOptions, Proven
 from .database import Samples, content_hash
 from .dataset import Faces, Pairs, pairs, split
 from .errors import TrainingError
-from .model import Energy, Paper
+from .model import Energy, Paper, chunks
+from .resume import Saved, packed, unpack
+from .samples import Plates
 
-STIFFNESS: dict[Faces, list[float]] = {"generated": [1e4, 3e4, 1e5], "envelope": [3e5, 6e5, 1.2e6]}
+Watch: TypeAlias = Callable[[int, float, float], None]
+"""Told epoch, training and validation loss."""
+
+STIFFNESS: dict[Faces, list[float]] = {"generated": [3e4, 1e5], "envelope": [3e5, 1.2e6]}
 """Of the foundations [N/mm3]; envelopes of spheres touch at fewer points, and stand on a stiffer one."""
 EPOCHS: dict[Architecture, int] = {"energy": 2000, "paper": 80}
 PATIENCE: dict[Architecture, int] = {"energy": 200, "paper": 15}
 """Epochs without a lower validation loss before training stops."""
-RATE: dict[Architecture, float] = {"energy": 2e-3, "paper": 1e-3}
+RATE: dict[Architecture, float] = {"energy": 6e-3, "paper": 1e-3}
 """Learning rate of Adam."""
 DECAY = 3e-3
 """Weight decay of the perceptrons of `energy`, towards the baseline."""
@@ -41,14 +48,18 @@ RIDGE = 1e-3
 """Of the trace of the normal equations."""
 QUANTILE = 1.645
 """Standard deviations of a normal distribution that hold 90 % between them."""
+CAUGHT = 0.9
+"""Of the pairs that lose contact, the share that the flag shall catch."""
+STEEL = Plates()
+"""The plates of the default design."""
 FEWEST = 20
 """Pairs from which anything is learned."""
 REPORTED = (0.03, 0.05, 0.07, 0.09)
 """Micro coefficients of the report."""
 BINS = (0.01, 0.03, 0.05, 0.07, 0.09)
 """Edges of the bins of micro coefficients of the report."""
-AT_ONCE = 50
-"""Pairs whose foundations are computed together: bounds the memory."""
+AT_ONCE = 64
+"""Pairs that are predicted together: bounds the memory."""
 BATCH = 32
 """Pairs in a step of `paper`."""
 
@@ -61,6 +72,17 @@ class Curves:
     validation: list[float] = field(default_factory=list)
     best: int = 0
     """Epoch whose state was kept."""
+
+
+@dataclass(frozen=True)
+class Descent:
+    """What an architecture brings to `_descend`."""
+
+    optimiser: torch.optim.Optimizer
+    steps: Callable[[], Iterator[float]]
+    """One epoch; gives the losses."""
+    validate: Callable[[], float]
+    """The loss on the validation pairs."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +119,12 @@ def train(
     faces: Faces = "generated",
     seed: int = 0,
     *,
+    plates: Plates = STEEL,
     members: int = 8,
     epochs: int | None = None,
-    watch: Callable[[int, float, float], None] | None = None,
+    device: str | None = None,
+    resume: Path | None = None,
+    watch: Watch | None = None,
 ) -> Trained:
     """Train a network on 70 % of the samples, by families of surfaces; the same seed gives the same bits.
 
@@ -110,13 +135,19 @@ def train(
         architecture: "energy" or "paper".
         faces: surfaces as generated, or as the envelopes of their spheres.
         seed: of the split, the starting values and the order of the samples.
+        plates: of the friction tests, from the header of the database.
         members: of the ensemble, of `energy`.
         epochs: at most.
+        device: of torch; a GPU where there is one and it is left out.
+        resume: file for the state of the training, `resume.EVERY` seconds apart, which goes on from it if it is there
+            and of the same training, to the same bits. Removed at the end.
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: there are too few samples, or values that are not finite.
+        TrainingError: there are too few samples, values that are not finite, or plates that are not of 1 mm.
     """
+    if (plates.edge, plates.slide) != (1.0, 1.0):
+        raise TrainingError(f"plates of {plates.edge:g} mm slid by {plates.slide:g} mm: networks take 1 mm of both")
     data = pairs(samples, faces)
     _check(data)
     rows, held_back = split(samples, seed=seed)
@@ -124,29 +155,31 @@ def train(
     if not len(validation) or len(fit) < 2:
         raise TrainingError(f"{len(data)} samples share too few surfaces' seeds to be split; generate more pairs")
     points, limit = data.wheel.shape[1], EPOCHS[architecture] if epochs is None else epochs
-    with torch.random.fork_rng(devices=[]):
+    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    options = (
+        EnergyOptions(STIFFNESS[faces], plates.load, members) if architecture == "energy" else PaperOptions(points)
+    )
+    database = content_hash(samples)
+    saved = Saved(resume, f"{options} {faces} {seed} {database} {device} {torch.__version__}")
+    with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         torch.manual_seed(seed)
-        options: EnergyOptions | PaperOptions
-        model: Model
-        if architecture == "energy":
-            options = EnergyOptions(STIFFNESS[faces], members=members)
-            model = options.build()
-            curves = _fit_energy(model, fit, validation, limit, watch)
-        else:
-            options = PaperOptions(points)
-            model = options.build()
-            curves = _fit_paper(model, fit, validation, limit, watch)
-    model.requires_grad_(False).eval()
+        model = options.build().to(device)
+        there = _on(device, fit), _on(device, validation)
+        descent = _fit_energy(model, *there) if isinstance(model, Energy) else _fit_paper(model, *there)
+        curves = _descend(model, descent, limit, PATIENCE[architecture], saved, watch)
+    model.requires_grad_(False).eval().to("cpu")
     _widen(model, validation)
     scores = score(model, validation)
     provenance = Provenance(
         options=options,
         faces=faces,
-        database=content_hash(samples),
+        database=database,
         seed=seed,
         training=len(fit),
         validation=len(validation),
         points=points,
+        plates=plates,
+        surface_seeds=_seeds(samples),
         max_height=_range(samples.max_height),
         levels=tuple(int(n) for n in np.unique(samples.levels)),
         hurst_exponent=_range(samples.hurst_exponent),
@@ -159,7 +192,13 @@ def train(
             "safetensors": safetensors.__version__,
         },
     )
+    saved.remove()
     return Trained(model, provenance, curves, scores)
+
+
+def _on(device: str, data: Pairs) -> Pairs:
+    """The pairs on a device."""
+    return Pairs(*(getattr(data, part.name).to(device) for part in fields(Pairs)))
 
 
 def predict(model: Model, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
@@ -213,20 +252,24 @@ def _range(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[f
     return float(values.min()), float(values.max())
 
 
-def _fit_energy(
-    model: Energy, fit: Pairs, validation: Pairs, epochs: int, watch: Callable[[int, float, float], None] | None
-) -> Curves:
+def _seeds(samples: Samples) -> tuple[int, int]:
+    both = np.concatenate([samples.wheel_seed, samples.axle_seed])
+    return int(both.min()), int(both.max())
+
+
+def _fit_energy(model: Energy, fit: Pairs, validation: Pairs) -> Descent:
     """From the baseline down the negative log-likelihood, all pairs in each step."""
     slopes, features = prepared(model, fit)
     checked = prepared(model, validation)
     model.centre.copy_(features.mean(0))
     model.scale.copy_(features.std(0).clamp_min(1e-3))
-    weight = torch.empty(len(model.first), len(fit)).exponential_()  # (M, P)
+    model.lost.copy_(threshold(features[:, -1], fit.held))
+    weight = torch.empty(len(model.first), len(fit)).exponential_().to(slopes.device)  # (M, P)
     weight /= weight.mean(1, keepdim=True)
     if len(weight) == 1:
         weight.fill_(1.0)
     with torch.no_grad():
-        model.last_bias[:, : slopes.shape[1]] = ridge(slopes, fit.line()[1], weight / (2.0 * features[:, 2]).exp())
+        model.last_bias[:, : slopes.shape[1]] = ridge(slopes, fit.line()[1], weight / features[:, 0].square())
     optimiser = torch.optim.AdamW(
         [
             {"params": [model.first, model.first_bias, model.last], "weight_decay": DECAY / RATE["energy"]},
@@ -247,12 +290,10 @@ def _fit_energy(
         with torch.no_grad():
             return float(likelihood(*model.gathered(*checked, validation.micro), validation.meso).mean())
 
-    return _descend(model, steps, validate, epochs, PATIENCE["energy"], watch)
+    return Descent(optimiser, steps, validate)
 
 
-def _fit_paper(
-    model: Paper, fit: Pairs, validation: Pairs, epochs: int, watch: Callable[[int, float, float], None] | None
-) -> Curves:
+def _fit_paper(model: Paper, fit: Pairs, validation: Pairs) -> Descent:
     """Down the mean squared error of scaled coefficients, in batches."""
     heights = torch.cat([fit.wheel.flatten(), fit.axle.flatten()])
     low = torch.stack([heights.min(), fit.micro.min(), fit.meso.min()])
@@ -262,7 +303,8 @@ def _fit_paper(
     optimiser = torch.optim.Adam(model.parameters(), lr=RATE["paper"])
 
     def steps() -> Iterator[float]:
-        for rows in torch.split(torch.randperm(len(fit)), BATCH):  # type: ignore[no-untyped-call,unused-ignore]
+        order = torch.randperm(len(fit)).to(fit.micro.device)
+        for rows in chunks(order, BATCH):
             mean, _ = model(fit.wheel[rows], fit.axle[rows], fit.micro[rows])
             loss = ((mean - fit.meso[rows]) / model.range[2]).square().mean()
             optimiser.zero_grad()
@@ -274,45 +316,41 @@ def _fit_paper(
         mean, _ = predict(model, validation.wheel, validation.axle, validation.micro)
         return float(((mean - validation.meso) / model.range[2]).square().mean())
 
-    return _descend(model, steps, validate, epochs, PATIENCE["paper"], watch)
+    return Descent(optimiser, steps, validate)
 
 
-def _descend(
-    model: Model,
-    steps: Callable[[], Iterator[float]],
-    validate: Callable[[], float],
-    epochs: int,
-    patience: int,
-    watch: Callable[[int, float, float], None] | None,
-) -> Curves:
+def _descend(model: Model, descent: Descent, epochs: int, patience: int, saved: Saved, watch: Watch | None) -> Curves:
     """Epochs until the validation loss has not fallen for `patience` of them; the best state is put back."""
-    curves = Curves()
-    kept = {name: value.clone() for name, value in model.state_dict().items()}
-    lowest = validate()
-    curves.training.append(float("nan"))
-    curves.validation.append(lowest)
-    for epoch in range(1, epochs + 1):
-        curves.training.append(float(np.mean(list(steps()))))
-        curves.validation.append(validate())
+    state = saved.read()
+    if state is None:
+        kept = {name: value.clone() for name, value in model.state_dict().items()}
+        curves = Curves([float("nan")], [descent.validate()])
+    else:
+        kept = unpack(state, model, descent.optimiser)
+        curves = Curves(state["training"].tolist(), state["validation"].tolist(), int(state["best"]))
+    for epoch in range(len(curves.training), epochs + 1):
+        if epoch - 1 - curves.best >= patience:
+            break
+        curves.training.append(float(np.mean(list(descent.steps()))))
+        curves.validation.append(descent.validate())
+        if curves.validation[-1] < curves.validation[curves.best]:
+            curves.best = epoch
+            kept = {name: value.clone() for name, value in model.state_dict().items()}
+        if saved.due():
+            losses = {"training": curves.training, "validation": curves.validation}
+            numbers = {name: torch.tensor(values, dtype=torch.float64) for name, values in losses.items()}
+            saved.write(packed(model, descent.optimiser, kept) | numbers | {"best": torch.tensor(curves.best)})
         if watch is not None:
             watch(epoch, curves.training[-1], curves.validation[-1])
-        if curves.validation[-1] < lowest:
-            lowest, curves.best = curves.validation[-1], epoch
-            kept = {name: value.clone() for name, value in model.state_dict().items()}
-        elif epoch - curves.best >= patience:
-            break
     model.load_state_dict(kept)
     return curves
 
 
 def prepared(model: Energy, data: Pairs) -> tuple[Tensor, Tensor]:
     """Slopes and features of all pairs, which training does not change."""
+    each = torch.arange(len(data), device=data.wheel.device)
     with torch.no_grad():
-        parts = [
-            model.prepare(data.wheel[start : start + AT_ONCE], data.axle[start : start + AT_ONCE])
-            for start in range(0, len(data), AT_ONCE)
-        ]
-    return torch.cat([slopes for slopes, _ in parts]), torch.cat([features for _, features in parts])
+        return model.prepare(data.wheel, data.axle, each, each)
 
 
 def ridge(slopes: Tensor, b: Tensor, weight: Tensor) -> Tensor:
@@ -321,9 +359,14 @@ def ridge(slopes: Tensor, b: Tensor, weight: Tensor) -> Tensor:
     normal = torch.einsum("pk,mp,pl->mkl", X, w, X)
     size = normal.shape[1]
     mean = normal.diagonal(dim1=1, dim2=2).mean(1).clamp_min(torch.finfo(torch.float64).tiny)
-    normal = normal + RIDGE * size * mean[:, None, None] * torch.eye(size, dtype=torch.float64)
+    normal = normal + RIDGE * size * mean[:, None, None] * torch.eye(size, dtype=torch.float64, device=X.device)
     solution: Tensor = torch.linalg.solve(normal, torch.einsum("pk,mp,p->mk", X, w, b.double()))
     return solution.to(slopes.dtype)
+
+
+def threshold(least: Tensor, held: Tensor) -> Tensor:
+    """The smallest load [-], (), above which contact counts as held; `CAUGHT` of the pairs that lose it have less."""
+    return torch.quantile(least[~held], CAUGHT) if not bool(held.all()) else least.new_zeros(())
 
 
 def likelihood(mean: Tensor, spread: Tensor, measured: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ import safetensors.torch
 import torch
 from click.testing import CliRunner
 
-from surrogate.checkpoint import ENTRY, LARGEST, EnergyOptions, PaperOptions, digest, load, outside, save
+from surrogate.checkpoint import ENTRY, LARGEST, Architecture, EnergyOptions, PaperOptions, digest, load, outside, save
 from surrogate.cli import main
 from surrogate.curves import write_curves
 from surrogate.database import Header, Samples
@@ -23,7 +23,8 @@ from surrogate.dataset import LOWEST, folds, pairs, split
 from surrogate.errors import CheckpointError, TrainingError
 from surrogate.foundation import Foundation
 from surrogate.model import Energy, Paper
-from surrogate.train import Trained, predict, train
+from surrogate.samples import Plates
+from surrogate.train import Trained, predict, threshold, train
 
 HEADER = Header(design="", settings="", code="", version="0", micro_frictions=2, squares=2, points=9)
 NOISE = 0.1
@@ -206,8 +207,8 @@ def test_what_is_no_checkpoint_is_refused(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (PaperOptions(9), "no network 'paper'"), (EnergyOptions([1e4], members=3), "no network 'energy'"),
-        (EnergyOptions([1e4, 3e4, 1e5], members=3, positions=1), "cannot be built|no network"),
+        (PaperOptions(9), "no network 'paper'"), (EnergyOptions([1e4], 170.0, 3), "no network 'energy'"),
+        (EnergyOptions([3e4, 1e5], 170.0, 3, positions=1), "cannot be built|no network"),
     ],
 )  # fmt: skip
 def test_weights_of_another_network_are_refused(
@@ -250,10 +251,83 @@ def test_envelopes_are_clamped_from_below() -> None:
     assert float(pairs(SAMPLES, "envelope").wheel.min()) == pytest.approx(LOWEST)
 
 
+class Stop(Exception):
+    """What ends a training in the middle."""
+
+
+@pytest.mark.parametrize(("architecture", "epochs"), [("energy", 30), ("paper", 4)])
+def test_a_killed_training_goes_on_to_the_same_bits(
+    architecture: Architecture, epochs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("surrogate.resume.EVERY", 0.0)
+    state = tmp_path / "m.state.safetensors"
+    seen: list[int] = []
+
+    def run(resume: Path | None, last: int | None = None, seed: int = 0) -> Trained:
+        def watch(epoch: int, training: float, validation: float) -> None:
+            seen.append(epoch)
+            if epoch == last:
+                raise Stop
+
+        return train(
+            SAMPLES, architecture, seed=seed, members=2, epochs=epochs, device="cpu", resume=resume, watch=watch
+        )
+
+    whole = run(None)
+    for last in (epochs // 2, epochs - 1):
+        with pytest.raises(Stop):
+            run(state, last)
+        assert state.exists()
+    seen.clear()
+    resumed = run(state)
+    assert seen == [epochs]
+    assert list(tmp_path.iterdir()) == []
+    for number, result in enumerate((whole, resumed)):
+        save(tmp_path / f"{number}.safetensors", result.model, result.provenance)
+    assert (tmp_path / "0.safetensors").read_bytes() == (tmp_path / "1.safetensors").read_bytes()
+    np.testing.assert_array_equal(whole.curves.training, resumed.curves.training)
+    assert whole.curves.validation == resumed.curves.validation
+
+
+def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("surrogate.resume.EVERY", 0.0)
+    state = tmp_path / "m.state.safetensors"
+    seen: list[int] = []
+
+    def stop(epoch: int, training: float, validation: float) -> None:
+        seen.append(epoch)
+        raise Stop
+
+    for seed in (0, 0, 1):
+        with pytest.raises(Stop):
+            train(SAMPLES, seed=seed, members=2, epochs=5, resume=state, watch=stop)
+    assert seen == [1, 2, 1]
+    truncate(state)
+    with pytest.raises(Stop):
+        train(SAMPLES, seed=1, members=2, epochs=5, resume=state, watch=stop)
+    assert seen[-1] == 1
+
+
+def test_the_load_of_the_database_counts() -> None:
+    light, heavy = (train(SAMPLES, plates=Plates(pressure=load), epochs=0, members=2) for load in (50.0, 170.0))
+    assert isinstance(light.provenance.options, EnergyOptions)
+    assert light.provenance.options.load == 50.0
+    assert not torch.equal(light.model.state_dict()["last_bias"], heavy.model.state_dict()["last_bias"])
+
+
+def test_threshold_catches_nine_of_ten_that_lose_contact() -> None:
+    least = torch.linspace(0.0, 1.0, 101)
+    held = torch.arange(101) > 50  # those up to 0.5 lose it
+    assert float(threshold(least, held)) == pytest.approx(0.45)
+    assert float(threshold(least, torch.ones(101, dtype=torch.bool))) == 0.0
+
+
 def test_gradient_reaches_every_trained_parameter() -> None:
     torch.manual_seed(0)
     data = pairs(SAMPLES).take(np.arange(10))
-    for model in (Energy([1e4, 1e5], members=2), Paper(9)):
+    for model in (Energy([1e4, 1e5], 170.0, members=2), Paper(9)):
         if isinstance(model, Energy):
             torch.nn.init.normal_(model.last, std=0.1)  # at zero it hides the layer before it
         else:

@@ -1,0 +1,326 @@
+"""The friction provider `surrogate`: a trained network in place of the friction test of each pair of tiles.
+
+    [friction]
+    provider = "surrogate"
+
+    [friction.options]
+    micro_friction = 0.07
+    seed = 1
+    surface = { levels = 3, max_height = 0.02 }
+    fallback = "dem"
+    dem = { plates = { spheres = 1000 } }
+
+`Surrogate` has the options, `TileNetwork` answers. The same seed gives the same surfaces as the provider `dem`.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
+
+import msgspec
+import numpy as np
+
+from macrofit.friction import (
+    BuildContext,
+    FloatArray,
+    FrictionProvider,
+    IntArray,
+    ProviderError,
+    TilePairs,
+    answered,
+    build,
+    load,
+)
+from meso.errors import SettingsError
+from meso.surface import LEVELS, Body, tile_seed
+
+from .errors import SurrogateError
+from .faces import HeightArray, generated
+
+if TYPE_CHECKING:
+    from .predict import Predictor
+    from .samples import Plates
+
+Fallback: TypeAlias = Literal["error", "dem", "warning"]
+
+YOUNGS_MODULUS_SLACK = 0.03
+"""Relative. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
+POISSON_RATIO_SLACK = 0.005
+LARGEST = math.nextafter(2.0, 0.0)
+"""Of the coefficients that the contract accepts [-]."""
+HELD_SURFACES = 2000
+"""Surfaces kept in memory, 9 kB each of an axle and 4 kB of a wheel: those of 1000 tiles of each body."""
+
+
+class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Diamond-Square surfaces of both bodies, with the keys and defaults of the provider `dem`."""
+
+    levels: int = 3
+    """n: 2^n + 1 points along a tile."""
+    max_height: float = 0.02
+    """R [mm]: corners and noise lie in [-R/2, R/2]."""
+    hurst_exponent: float = 0.8
+    """H [-]."""
+
+
+class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Coefficients of friction that a network predicts from the two rough surfaces of a pair of tiles.
+
+    The network answers for the inputs it has seen: heights, levels, exponents and micro coefficients as its provenance
+    tells, tiles of 1 mm, steel. `fallback` says what happens outside of these: "error" refuses the run; "dem" makes
+    the provider `dem` answer in its place, with the same surfaces; "warning" predicts anyway. With "dem", single
+    pairs that are predicted to lose contact along the slide go to that provider too. As with `dem`, the pair's own
+    pressure is not used.
+
+    Raises:
+        ProviderError: an option that is unknown or refused, by its key.
+    """
+
+    micro_friction: float = 0.07
+    """Of sphere on sphere [-]."""
+    seed: int = 1
+    """Chooses all the surfaces of both bodies, 0 to 65535; see `meso.surface.tile_seed`."""
+    surface: SurfaceOptions = SurfaceOptions()
+    model: str | None = None
+    """Path of a checkpoint; None: the network that comes with the package."""
+    fallback: Fallback = "error"
+    dem: dict[str, Any] = {}
+    """More options of the provider `dem`, with fallback = "dem"."""
+
+    def __post_init__(self) -> None:
+        try:
+            tile_seed(self.seed, 0)
+        except SettingsError as error:
+            raise ProviderError(f"friction.options.{error}") from None
+        limits = {
+            "micro_friction": (self.micro_friction, 0.0, 2.0),
+            "surface.levels": (self.surface.levels, LEVELS[0], LEVELS[-1]),
+            "surface.max_height": (self.surface.max_height, 0.0, 1.0),
+            "surface.hurst_exponent": (self.surface.hurst_exponent, 0.0, 1.0),
+        }
+        for key, (value, low, high) in limits.items():
+            if not low <= value <= high:
+                raise ProviderError(f"friction.options.{key} = {value} is out of bounds: take {low:g} ... {high:g}")
+        self._check_dem()
+
+    def build(self, context: BuildContext) -> FrictionProvider:
+        """The provider for this material and tile.
+
+        Raises:
+            ProviderError: torch or safetensors are missing, there is no such model, or the network has not seen such
+                inputs and `fallback` is "error"; or it is "dem", and that provider cannot be built.
+        """
+        predictor, foreign = self._network(context)
+        if foreign:
+            told = f"the network has not seen such inputs: {'; '.join(foreign)}"
+            if self.fallback == "error":
+                raise ProviderError(
+                    f"{told}. Take inputs within, another friction.options.model, "
+                    "or fallback = 'dem' (slow) or 'warning' (predict anyway)"
+                )
+            if self.fallback == "dem":
+                warnings.warn(f"friction provider 'surrogate': {told}; 'dem' answers for all pairs", stacklevel=2)
+                return self._dem(context)
+            warnings.warn(f"friction provider 'surrogate': {told}; it is asked nevertheless", stacklevel=2)
+        instead = functools.cache(lambda: self._dem(context)) if self.fallback == "dem" else None
+        return TileNetwork(predictor, self, trusted=not foreign, instead=instead)
+
+    def _network(self, context: BuildContext) -> tuple[Predictor, list[str]]:
+        """The network, and which of the inputs it has not seen, in words."""
+        try:
+            from .checkpoint import outside
+            from .predict import Predictor
+        except ImportError as error:
+            raise ProviderError(
+                f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
+                "or take friction.provider = 'dem'"
+            ) from error
+        try:
+            predictor = Predictor(None if self.model is None else Path(self.model).expanduser())
+        except SurrogateError as error:
+            raise ProviderError(f"friction.options.model: {error}") from error
+        if predictor.provenance.faces != "generated":
+            raise ProviderError(
+                f"friction.options.model: {self.model} was trained on envelopes of spheres, which tiles do not have; "
+                "take one trained on the surfaces as generated"
+            )
+        foreign = outside(
+            predictor.provenance, micro_friction=self.micro_friction, **msgspec.structs.asdict(self.surface)
+        )
+        return predictor, foreign + _other_plates(context, predictor.provenance.plates)
+
+    def _dem(self, context: BuildContext) -> FrictionProvider:
+        """The provider `dem` on the same surfaces."""
+        return build("dem", self._dem_options(), context)
+
+    def _dem_options(self) -> dict[str, Any]:
+        own = {"micro_friction": self.micro_friction, "seed": self.seed}
+        return {**self.dem, **own, "surface": msgspec.structs.asdict(self.surface)}
+
+    def _check_dem(self) -> None:
+        """A scene is refused when it is read, not when it runs."""
+        if self.fallback != "dem":
+            if self.dem:
+                raise ProviderError("friction.options.dem: goes with fallback = 'dem'; set that, or leave it out")
+            return
+        for key in ("micro_friction", "seed", "surface"):
+            if key in self.dem:
+                raise ProviderError(f"friction.options.dem.{key}: leave it out, it is friction.options.{key}")
+        try:
+            load("dem", self._dem_options())
+        except ProviderError as error:
+            raise ProviderError(str(error).replace("friction.options.", "friction.options.dem.")) from None
+
+
+class _Answer(NamedTuple):
+    """What is known of m distinct pairs, sorted by seat tile and bore tile: four arrays of shape (m,)."""
+
+    seat: IntArray
+    bore: IntArray
+    mean: FloatArray
+    """mu [-], 0 <= mu < 2."""
+    spread: FloatArray
+    """Standard deviation of mu [-]."""
+
+
+class TileNetwork:
+    """The predicted meso coefficient of each pair of tiles.
+
+    What comes out below 0 counts as 0. A batch is predicted in one call, each of its distinct pairs once; the answers
+    to the last batch are kept.
+
+    Args:
+        predictor: the network.
+        options: micro coefficient, seed and surfaces.
+        trusted: the network has seen such inputs.
+        instead: gives the provider to ask about pairs that are predicted to lose contact; None: the network answers.
+    """
+
+    depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
+
+    clipped: int
+    """Pairs predicted out of the bounds of the contract, and answered with the nearest bound."""
+    out_of_range: int
+    """Pairs predicted for inputs the network has not seen."""
+    unheld: int
+    """Pairs that are predicted to lose contact somewhere along the slide."""
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        options: Surrogate,
+        *,
+        trusted: bool = True,
+        instead: Callable[[], FrictionProvider] | None = None,
+    ) -> None:
+        self.predictor, self.options, self.trusted = predictor, options, trusted
+        self.clipped = self.out_of_range = self.unheld = 0
+        self._instead = instead
+        self._last: _Answer | None = None
+        self._face = functools.lru_cache(HELD_SURFACES)(self._made)
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        """mu of each pair [-], shape (n,).
+
+        Raises:
+            ProviderError: a tile without a surface, or surfaces that the network refuses.
+        """
+        answer, which = self._answered(pairs)
+        return answer.mean[which]
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        """Standard deviation of mu of each pair, over packings and from the network together [-], shape (n,).
+
+        Where another provider answered it is what that one states, NaN if nothing.
+
+        Raises:
+            ProviderError: as `coefficients`.
+        """
+        answer, which = self._answered(pairs)
+        return answer.spread[which]
+
+    def heights(self, body: Body, tile: int) -> HeightArray:
+        """The rough face of a tile as the network takes it [mm], read-only.
+
+        Shape (n, n) for the wheel, (2 n - 1, n) for the axle, with n the points of the network's training.
+
+        Raises:
+            ProviderError: there is no such tile.
+        """
+        return self._face(body, tile)
+
+    def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
+        """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
+        seats, seat = np.unique(pairs.seat, return_inverse=True)
+        bores, bore = np.unique(pairs.bore, return_inverse=True)
+        distinct, which = np.unique(seat * bores.size + bore, return_inverse=True)
+        axle, wheel = np.divmod(distinct, max(1, bores.size))
+        last = self._last
+        if last is None or not (np.array_equal(last.seat, seats[axle]) and np.array_equal(last.bore, bores[wheel])):
+            self._last = last = self._predicted(seats, bores, axle, wheel)
+        return last, which
+
+    def _predicted(self, seats: IntArray, bores: IntArray, axle: IntArray, wheel: IntArray) -> _Answer:
+        """The answers to the pairs of seats[axle] and bores[wheel]."""
+        if not axle.size:
+            return _Answer(seats, bores, np.empty(0), np.empty(0))
+        axles = np.stack([self._face("axle", tile) for tile in seats.tolist()])
+        wheels = np.stack([self._face("wheel", tile) for tile in bores.tolist()])
+        try:
+            prediction = self.predictor(wheels, axles, wheel, axle, self.options.micro_friction)
+        except SurrogateError as error:
+            raise ProviderError(f"friction provider 'surrogate': {error}") from error
+        answer = _Answer(seats[axle], bores[wheel], np.array(prediction.mean), np.array(prediction.spread))
+        self._replace(answer, np.flatnonzero(~prediction.held))
+        self._bound(answer)
+        self.out_of_range += 0 if self.trusted else axle.size
+        return answer
+
+    def _replace(self, answer: _Answer, lost: IntArray) -> None:
+        """Have the pairs numbered `lost` answered by the other provider, if there is one."""
+        if lost.size and self._instead is not None:
+            unused = np.zeros(lost.size)
+            pairs = TilePairs(answer.seat[lost], answer.bore[lost], unused, unused)
+            answer.mean[lost], answer.spread[lost] = answered(self._instead(), pairs, "dem")
+        self.unheld += lost.size
+
+    def _bound(self, answer: _Answer) -> None:
+        """Bring the coefficients within the contract."""
+        wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST))
+        if wrong.size and not self.clipped:
+            seat, bore, mean, spread = (column[wrong[0]] for column in answer)
+            warnings.warn(
+                f"friction provider 'surrogate': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
+                f"{mean:.4f} +- {spread:.4f} and is taken as {min(2, max(0, round(mean)))}, and so will others be",
+                stacklevel=2,
+            )
+        self.clipped += wrong.size
+        np.clip(answer.mean, 0.0, LARGEST, out=answer.mean)
+
+    def _made(self, body: Body, tile: int) -> HeightArray:
+        try:
+            seed = tile_seed(self.options.seed, tile)
+        except SettingsError as error:
+            raise ProviderError(f"friction provider 'surrogate': {error}") from None
+        surface = msgspec.structs.asdict(self.options.surface)
+        heights = generated(body, seed, **surface, points=self.predictor.provenance.points)
+        heights.setflags(write=False)
+        return heights
+
+
+def _other_plates(context: BuildContext, plates: Plates) -> list[str]:
+    """In which ways the plates of a run are others than those learned from, in words."""
+    low, high = ((1.0 + sign * YOUNGS_MODULUS_SLACK) * plates.youngs_modulus for sign in (-1.0, 1.0))
+    said = []
+    if not math.isclose(context.tile_size, plates.edge, rel_tol=1e-9):
+        said.append(f"tile_size = {context.tile_size:g} is not {plates.edge:g} mm")
+    if not low <= context.youngs_modulus <= high:
+        said.append(f"youngs_modulus = {context.youngs_modulus:g} is outside {low:g} ... {high:g} MPa")
+    if not abs(context.poisson_ratio - plates.poisson_ratio) <= POISSON_RATIO_SLACK:
+        said.append(f"poisson_ratio = {context.poisson_ratio:g} is not {plates.poisson_ratio:g}")
+    return said

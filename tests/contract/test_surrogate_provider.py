@@ -1,0 +1,544 @@
+"""The provider `surrogate`: a network in place of the friction test of each pair, on the surfaces of `dem`.
+
+Where the plates have to answer they are as small as they get (400 spheres, twenty increments: 0.05 s a pair).
+"""
+
+from __future__ import annotations
+
+import pickle
+import re
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from mpi4py import MPI
+from untrained import untrained
+
+import surrogate.provider
+from macrofit.cli import main
+from macrofit.errors import ProviderError
+from macrofit.friction import BuildContext, TilePairs, answered, build, load, names
+from macrofit.friction.conformance import check
+from macrofit.scene import build_scene
+from macrofit.solve import solve
+from meso.plates import make_plate, rough_face
+from meso.provider import DirectDem, TileFriction
+from meso.settings import SurfaceKeys
+from surrogate.faces import generated
+from surrogate.faces import heights as sampled
+from surrogate.predict import Predictor
+from surrogate.provider import Surrogate, TileNetwork
+
+SMALL_PLATES: dict[str, Any] = {"plates": {"spheres": 400}, "engine": {"increment": 0.05}}
+PAIRS = ((2, 5), (0, 1), (2, 3), (2, 5))
+TOLERANCE = 0.0
+"""Between answers in batches of another make-up: `Predictor` gives the same bits."""
+
+
+@pytest.fixture(autouse=True)
+def packings(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of these tests goes into the user's cache folder."""
+    monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path_factory.getbasetemp() / "packings"))
+
+
+@pytest.fixture
+def quiet() -> Iterator[None]:
+    """Every warning is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The checkpoint of a network that has learned nothing."""
+    return untrained(tmp_path_factory.mktemp("model") / "untrained.safetensors")
+
+
+@pytest.fixture(scope="module")
+def network(model: str) -> Predictor:
+    """The same, to be asked directly."""
+    return Predictor(Path(model))
+
+
+def context(**changed: Any) -> BuildContext:
+    usual: dict[str, Any] = {"seat_tiles": 8, "bore_tiles": 8, "youngs_modulus": 206e3, "poisson_ratio": 0.3}
+    return BuildContext(**usual | changed)
+
+
+def made(model: str, **options: Any) -> TileNetwork:
+    provider = build("surrogate", {"model": model} | options, context())
+    assert isinstance(provider, TileNetwork)
+    return provider
+
+
+def asked(*pairs: tuple[int, int]) -> TilePairs:
+    seat, bore = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    return TilePairs(seat, bore, np.full(len(pairs), 100.0), np.zeros(len(pairs)))
+
+
+def answers(provider: Any, *pairs: tuple[int, int]) -> list[float]:
+    return provider.coefficients(asked(*pairs)).tolist()
+
+
+class Fake:
+    """A network that answers every batch alike, and remembers how many pairs it had."""
+
+    provenance = SimpleNamespace(points=9)
+
+    def __init__(self, mean: list[float], held: list[bool] | None = None) -> None:
+        self.mean, self.held = mean, held
+        self.batches: list[int] = []
+
+    def __call__(self, wheels: Any, axles: Any, wheel: Any, axle: Any, micro: Any) -> SimpleNamespace:
+        self.batches.append(len(wheel))
+        held = np.array(self.held or [True] * len(self.mean))
+        return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), held=held)
+
+
+# The answer
+
+
+def test_it_is_installed() -> None:
+    assert ("surrogate", "surrogate.provider:Surrogate") in [(found.name, found.target) for found in names()]
+
+
+@pytest.mark.usefixtures("quiet")
+def test_it_keeps_the_contract(model: str) -> None:
+    check(made(model), tolerance=TOLERANCE)
+
+
+@pytest.mark.usefixtures("quiet")
+def test_it_is_the_network_on_the_surfaces_of_the_plates(model: str, network: Predictor) -> None:
+    """Faces, seeds, bodies and micro coefficients written out by hand; to the bit, for the batch is the same."""
+    keys = SurfaceKeys(levels=4, max_height=0.01, hurst_exponent=0.6)
+    axles = [rough_face(keys, "axle", 3 * 65536 + seat, (2.0, 1.0)) for seat in (0, 2)]
+    wheels = [rough_face(keys, "wheel", 3 * 65536 + bore, (1.0, 1.0)) for bore in (1, 3, 5)]
+    points = network.provenance.points
+    expected = network(
+        np.stack([face.resampled((points, points)).heights for face in wheels]),
+        np.stack([face.resampled((2 * points - 1, points)).heights for face in axles]),
+        np.array([0, 1, 2]),
+        np.array([0, 1, 1]),
+        0.05,
+    )
+    surface = {"levels": 4, "max_height": 0.01, "hurst_exponent": 0.6}
+    provider = made(model, seed=3, micro_friction=0.05, surface=surface)
+    assert answers(provider, *PAIRS) == expected.mean[[2, 0, 1, 2]].tolist()
+    assert provider.uncertainty(asked(*PAIRS)).tolist() == expected.spread[[2, 0, 1, 2]].tolist()
+    assert len(set(expected.mean)) == 3
+    assert (provider.clipped, provider.out_of_range, provider.unheld) == (0, 0, 0)
+
+
+def test_surfaces_are_those_of_the_provider_dem(model: str) -> None:
+    """Of its very plates, at as many points as the database has; the defaults are the same too."""
+    keys: dict[str, Any] = {"seed": 7, "surface": {"levels": 4, "hurst_exponent": 0.7}}
+    for options in ({}, keys):
+        network = made(model, **options)
+        dem = build("dem", options | {"plates": {"spheres": 400}}, context())
+        assert isinstance(dem, TileFriction)
+        settings = dem.settings(4, 6)
+        for body, tile in (("axle", 4), ("wheel", 6)):
+            packing, _ = make_plate(settings, body)  # type: ignore[arg-type]
+            taken = network.heights(body, tile)  # type: ignore[arg-type]
+            assert np.array_equal(taken, sampled(packing.surface, network.predictor.provenance.points))
+            assert taken.std() > 0.0
+    assert settings.contact.micro_friction == network.options.micro_friction
+
+
+def test_defaults_are_those_of_the_provider_dem() -> None:
+    plain, dem = Surrogate(), DirectDem()
+    both = SurfaceKeys()
+    for key, value in msgspec.structs.asdict(plain.surface).items():
+        assert value == getattr(both, key)
+    assert (plain.micro_friction, plain.seed) == (dem.micro_friction, dem.seed)
+
+
+def test_another_model_can_be_given(tmp_path: Path, model: str) -> None:
+    other = made(untrained(tmp_path / "other.safetensors", stiffness=1e4))
+    assert np.abs(np.subtract(answers(other, *PAIRS), answers(made(model), *PAIRS))).min() > 1e-4
+
+
+def test_the_network_that_comes_with_the_package_is_taken() -> None:
+    provider = build("surrogate", {}, context())
+    assert isinstance(provider, TileNetwork)
+    assert provider.predictor.provenance == Predictor().provenance
+    assert 0.03 < min(answers(provider, *PAIRS)) < max(answers(provider, *PAIRS)) < 0.12  # as of the plates
+
+
+def test_an_empty_batch_has_an_empty_answer() -> None:
+    provider = TileNetwork(Fake([]), Surrogate())  # type: ignore[arg-type]
+    assert answers(provider) == []
+    assert provider.uncertainty(asked()).shape == (0,)
+
+
+# What is computed how often
+
+
+def test_a_batch_is_one_call_with_each_pair_once() -> None:
+    network = Fake([0.1, 0.2, 0.3])
+    provider = TileNetwork(network, Surrogate())  # type: ignore[arg-type]
+    assert answers(provider, *PAIRS) == [0.3, 0.1, 0.2, 0.3]  # the distinct ones are sorted
+    assert network.batches == [3]
+
+
+def test_the_last_batch_is_not_predicted_again() -> None:
+    network = Fake([0.1, 0.2])
+    provider = TileNetwork(network, Surrogate())  # type: ignore[arg-type]
+    assert provider.uncertainty(asked((0, 1), (1, 0))).tolist() == [0.01, 0.01]
+    answer = provider.coefficients(asked((0, 1), (1, 0)))
+    answer[:] = -1.0  # the caller's own
+    assert answers(provider, (1, 0), (0, 1), (1, 0)) == [0.2, 0.1, 0.2]
+    assert answers(provider, (0, 1), (1, 0)) == [0.1, 0.2]
+    assert network.batches == [2]
+    answers(provider, (0, 0), (1, 1))  # the same tiles, other pairs
+    answers(provider, (0, 1), (1, 0))
+    assert network.batches == [2, 2, 2]
+
+
+def test_a_tile_keeps_its_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine pairs of three tiles and three take six surfaces; and no more are kept than there is memory for."""
+    drawn: list[tuple[str, int]] = []
+
+    def counted(body: Any, seed: int, **keys: Any) -> Any:
+        drawn.append((body, seed - 65536))
+        return generated(body, seed, **keys)
+
+    monkeypatch.setattr("surrogate.provider.generated", counted)
+    nine = [(seat, bore) for seat in range(3) for bore in range(3)]
+    provider = TileNetwork(Fake([0.1] * 9), Surrogate())  # type: ignore[arg-type]
+    answers(provider, *nine)
+    provider.predictor.mean = [0.1]  # type: ignore[attr-defined]
+    answers(provider, (2, 0))
+    assert sorted(drawn) == [(body, tile) for body in ("axle", "wheel") for tile in range(3)]
+    with pytest.raises(ValueError, match="read-only"):
+        provider.heights("axle", 0)[0, 0] = 1.0
+    monkeypatch.setattr("surrogate.provider.HELD_SURFACES", 2)
+    drawn.clear()
+    provider = TileNetwork(Fake([0.1] * 9), Surrogate())  # type: ignore[arg-type]
+    answers(provider, *nine)
+    provider.heights("axle", 0)
+    assert len(drawn) == 7
+
+
+def test_a_tile_without_a_seed_is_the_providers_error() -> None:
+    provider = TileNetwork(Fake([0.1]), Surrogate())  # type: ignore[arg-type]
+    for pair in ((65536, 0), (0, -1)):
+        with pytest.raises(ProviderError, match=r"friction provider 'surrogate': there is no tile (65536|-1)"):
+            answers(provider, pair)
+
+
+def test_surfaces_that_the_network_refuses_are_the_providers_error(
+    network: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def coarse(body: Any, seed: int, *, points: int, **keys: Any) -> Any:
+        return generated(body, seed, points=points // 2, **keys)
+
+    monkeypatch.setattr("surrogate.provider.generated", coarse)
+    provider = TileNetwork(network, Surrogate())
+    with pytest.raises(ProviderError, match="friction provider 'surrogate': surfaces of the wheel have the shape"):
+        answers(provider, (0, 0))
+
+
+def test_coefficients_out_of_the_contract_take_the_nearest_bound() -> None:
+    network = Fake([-0.02, 0.1, 2.0])
+    provider = TileNetwork(network, Surrogate())  # type: ignore[arg-type]
+    told_of = r"'surrogate': .* seat tile 0 and bore tile 1 comes out as -0\.0200 \+- 0\.0100 and is taken as 0, and so"
+    with pytest.warns(UserWarning, match=told_of) as told:
+        given = answers(provider, (0, 1), (0, 2), (0, 3))
+    assert given == [0.0, 0.1, np.nextafter(2.0, 0.0)]
+    assert (provider.clipped, len(told)) == (2, 1)
+    network.mean = [-0.1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # told already
+        assert answers(provider, (3, 3)) == [0.0]
+    assert provider.clipped == 3
+
+
+# Options
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"sede": 1}, "friction.options.sede: unknown option .*Its options: micro_friction, seed, surface, model"),
+        ({"seed": 1.5}, "`friction.options.seed`"),
+        ({"seed": 65536}, "friction.options.seed = 65536 is out of bounds: take 0 ... 65535"),
+        ({"micro_friction": -0.1}, "friction.options.micro_friction = -0.1 is out of bounds: take 0 ... 2"),
+        ({"micro_friction": float("nan")}, "friction.options.micro_friction = nan is out of bounds"),
+        ({"surface": {"generator": "self_affine"}}, "unknown field `generator` - at `friction.options.surface`"),
+        ({"surface": {"levels": 0}}, "friction.options.surface.levels = 0 is out of bounds: take 1 ... 10"),
+        ({"surface": {"max_height": -0.1}}, "friction.options.surface.max_height = -0.1 is out of bounds"),
+        ({"surface": {"hurst_exponent": 1.1}}, "friction.options.surface.hurst_exponent = 1.1 is out of bounds"),
+        ({"fallback": "guess"}, "`friction.options.fallback`"),
+        ({"dem": {"cache": False}}, "friction.options.dem: goes with fallback = 'dem'; set that, or leave it out"),
+        (
+            {"fallback": "dem", "dem": {"seed": 2}},
+            "friction.options.dem.seed: leave it out, it is friction.options.seed",
+        ),
+        ({"fallback": "dem", "dem": {"plate": {}}}, "friction.options.dem.plate: unknown option of friction provider"),
+        (
+            {"fallback": "dem", "dem": {"plates": {"sphere": 3}}},
+            "friction.options.dem.plates.sphere: no such key; did you mean spheres?",
+        ),
+    ],
+)
+def test_refused_options_name_the_key(options: dict[str, object], told: str) -> None:
+    with pytest.raises(ProviderError, match=re.escape(told).replace(r"\.\*", ".*")) as caught:
+        load("surrogate", options)
+    assert "'surrogate'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def loaded_by(program: str) -> set[str]:
+    """The top-level modules a fresh interpreter has after a program."""
+    program += "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_options_are_read_without_torch() -> None:
+    loaded = loaded_by("from macrofit.friction import load\nload('surrogate', {})")
+    assert "surrogate" in loaded
+    assert not loaded & {"torch", "safetensors", "numba", "scipy", "h5py", "mpi4py", "dolfinx"}
+
+
+@pytest.mark.parametrize("missing", ["torch", "safetensors"])
+def test_without_the_extra_it_says_what_to_install(missing: str) -> None:
+    program = f"""
+import sys
+sys.modules[{missing!r}] = None
+from macrofit.errors import ProviderError
+from macrofit.friction import BuildContext, build
+try:
+    build("surrogate", {{}}, BuildContext(seat_tiles=1, bore_tiles=1, youngs_modulus=206e3, poisson_ratio=0.3))
+except ProviderError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.count("\n") == 1
+    assert "friction provider 'surrogate' cannot be built" in done.stdout
+    assert "pip install 'macrofit[surrogate]'" in done.stdout
+    assert f"{missing}" in done.stdout.partition("(")[2].partition(")")[0]
+
+
+# Checkpoints that are none
+
+
+def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path, model: str) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return pytest.fail, ("it was unpickled",)
+
+    (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps(Trap()))
+    (tmp_path / "empty").write_bytes(b"")
+    whole = Path(model).read_bytes()
+    (tmp_path / "torn").write_bytes(whole[: len(whole) // 2])
+    for name, told in (
+        ("none", "there is no such file"),
+        ("pickle.safetensors", "is no checkpoint of macrofit-surrogate"),
+        ("empty", "is no checkpoint of macrofit-surrogate"),
+        ("torn", "is no checkpoint of macrofit-surrogate"),
+        (".", "is no checkpoint of macrofit-surrogate"),
+    ):
+        with pytest.raises(ProviderError, match=rf"friction\.options\.model: .*{told}") as caught:
+            made(str(tmp_path / name))
+        assert "\n" not in str(caught.value)
+
+
+def test_a_network_of_envelopes_is_refused(tmp_path: Path) -> None:
+    """Tiles have no spheres; nor would another fallback help."""
+    path = untrained(tmp_path / "e.safetensors", faces="envelope")
+    with pytest.raises(ProviderError, match=r"friction\.options\.model: .*e\.safetensors was trained on envelopes"):
+        made(path, fallback="warning")
+
+
+# Inputs the network has not seen
+
+FOREIGN: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "micro": ({"micro_friction": 0.5}, {}, "micro_friction = 0.5 is outside 0.01"),
+    "levels": ({"surface": {"levels": 7}}, {}, "levels = 7 is outside"),
+    "height": ({"surface": {"max_height": 0.2}}, {}, "max_height = 0.2 is outside 0.00"),
+    "exponent": ({"surface": {"hurst_exponent": 0.02}}, {}, "hurst_exponent = 0.02 is outside"),
+    "tile": ({}, {"tile_size": 0.5}, "tile_size = 0.5 is not 1 mm"),
+    "modulus": ({}, {"youngs_modulus": 70e3}, "youngs_modulus = 70000 is outside 203700 ... 216300 MPa"),
+    "ratio": ({}, {"poisson_ratio": 0.28}, "poisson_ratio = 0.28 is not 0.3"),
+}
+
+
+@pytest.mark.parametrize(("options", "changed", "told"), FOREIGN.values(), ids=FOREIGN.keys())
+def test_unseen_inputs_are_refused(model: str, options: dict[str, Any], changed: dict[str, Any], told: str) -> None:
+    with pytest.raises(ProviderError, match=f"has not seen such inputs: {re.escape(told)}") as caught:
+        build("surrogate", options | {"model": model}, context(**changed))
+    assert "fallback = 'dem' (slow) or 'warning'" in str(caught.value)
+    assert str(caught.value).count(";") == 0  # one reason alone
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("quiet")
+def test_the_ends_of_what_was_seen_are_not_refused(model: str) -> None:
+    made(model, micro_friction=0.01, surface={"levels": 3, "max_height": 0.005, "hurst_exponent": 0.5})
+    made(model, micro_friction=0.09, surface={"levels": 4, "max_height": 0.04, "hurst_exponent": 1.0})
+    for modulus in (206e3, 210e3):
+        build("surrogate", {"model": model}, context(youngs_modulus=modulus))
+
+
+@pytest.mark.parametrize(("options", "changed", "told"), FOREIGN.values(), ids=FOREIGN.keys())
+def test_unseen_inputs_can_be_predicted_with_a_warning(
+    options: dict[str, Any],
+    changed: dict[str, Any],
+    told: str,
+    model: str,
+    network: Predictor,
+    recwarn: pytest.WarningsRecorder,
+) -> None:
+    with pytest.warns(UserWarning, match=re.escape(told)) as warned:
+        provider = build("surrogate", options | {"model": model, "fallback": "warning"}, context(**changed))
+    assert isinstance(provider, TileNetwork)
+    keys = msgspec.structs.asdict(provider.options.surface)
+    wheel, axle = generated("wheel", 65538, **keys), generated("axle", 65537, **keys)
+    one = np.zeros(1, dtype=np.int64)
+    expected = max(0.0, network(wheel[None], axle[None], one, one, provider.options.micro_friction).mean[0])
+    assert answers(provider, (1, 2), (1, 2)) == [expected, expected]
+    answers(provider, (1, 3), (0, 0))
+    assert (provider.out_of_range, len(warned)) == (3, 1)
+    assert not [each for each in recwarn if "asked nevertheless" in str(each.message)]
+
+
+@pytest.mark.usefixtures("quiet")
+def test_seen_inputs_are_not_counted(model: str) -> None:
+    provider = made(model, fallback="warning")
+    answers(provider, (0, 0))
+    assert provider.out_of_range == 0
+
+
+def test_unseen_inputs_can_go_to_the_plates(tmp_path: Path, model: str) -> None:
+    """The same surfaces, micro coefficient and options; its cache too."""
+    own: dict[str, Any] = {"micro_friction": 0.3, "seed": 5, "surface": {"levels": 2, "hurst_exponent": 0.7}}
+    given = context(cache_dir=str(tmp_path))
+    with pytest.warns(UserWarning, match=r"micro_friction = 0\.3 is outside .*'dem' answers for all pairs") as told:
+        provider = build("surrogate", own | {"model": model, "fallback": "dem", "dem": SMALL_PLATES}, given)
+    assert len(told) == 1
+    dem = build("dem", own | SMALL_PLATES | {"cache": False}, context())
+    assert isinstance(provider, TileFriction)
+    assert answers(provider, *PAIRS) == answers(dem, *PAIRS)
+    assert len(list(tmp_path.rglob("*.json"))) == 3
+
+
+@pytest.mark.filterwarnings("ignore:friction provider 'surrogate'")
+def test_plates_that_cannot_be_built_either_are_one_line(model: str) -> None:
+    told_of = "'surrogate' cannot be built: .*'dem' cannot be built: .*poisson_ratio"
+    with pytest.raises(ProviderError, match=told_of) as told:
+        build("surrogate", {"model": model, "fallback": "dem"}, context(poisson_ratio=0.28))
+    assert "\n" not in str(told.value)
+
+
+# Pairs that lose contact
+
+
+def test_pairs_that_lose_contact_are_counted() -> None:
+    provider = TileNetwork(Fake([0.1, 0.2, 0.3], [True, False, False]), Surrogate())  # type: ignore[arg-type]
+    assert answers(provider, *PAIRS) == [0.3, 0.1, 0.2, 0.3]
+    assert provider.unheld == 2
+    assert provider.uncertainty(asked(*PAIRS)).tolist() == 4 * [0.01]
+
+
+def test_pairs_that_lose_contact_go_to_the_plates(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """These alone; and the plates are not even made before there is one."""
+    options: dict[str, Any] = {"micro_friction": 0.08, "fallback": "dem", "dem": SMALL_PLATES}
+    dem = build("dem", {"micro_friction": 0.08} | SMALL_PLATES, context())
+    built: list[str] = []
+
+    def counted(name: str, *given: Any) -> Any:
+        built.append(name)
+        return build(name, *given)
+
+    monkeypatch.setattr(surrogate.provider, "build", counted)
+    provider = made(model, **options)
+    monkeypatch.setattr(provider, "predictor", Fake([0.1, 0.2, 0.3], [True, True, True]))
+    assert answers(provider, *PAIRS) == [0.3, 0.1, 0.2, 0.3]
+    assert built == []
+    monkeypatch.setattr(provider, "predictor", Fake([0.1, 0.2, 0.3, 0.4], [True, False, True, False]))
+    found = answers(provider, (5, 5), *PAIRS)
+    expected = answers(dem, (5, 5), (2, 3))
+    assert found == [expected[0], 0.3, 0.1, expected[1], 0.3]
+    assert (provider.unheld, built) == (2, ["dem"])
+    spread = provider.uncertainty(asked((5, 5), *PAIRS))
+    stated = answered(dem, asked((5, 5), (2, 3)), "dem").uncertainty
+    assert np.array_equal(spread, [stated[0], 0.01, 0.01, stated[1], 0.01], equal_nan=True)
+    assert 0.01 not in stated
+
+
+# A press fit
+
+
+def small_tables(**friction: Any) -> dict[str, Any]:
+    """Six tiles of seat, pressed 5 mm: 24 pairs."""
+    return {
+        "axle": {"seat_radius": 95.0, "seat_length": 6.0, "taper_length": 2.0, "taper_height": 0.5},
+        "wheel": {"bore_radius": 94.85, "hub_length": 5.0, "hub_outer_radius": 140.0},
+        "motion": {"travel": 5.0, "increment": 1.0},
+        "mesh": {"seat_facet": 0.5, "bore_facet": 0.47, "coarse": 20.0},
+        "output": {"stress": False, "fields_at": []},
+        "friction": friction,
+    }
+
+
+def toml(tables: dict[str, Any]) -> str:
+    lines = []
+    for name, table in tables.items():
+        lines += [f"[{name}]", *(f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items())]
+    return "\n".join(lines)
+
+
+def test_a_press_fit_on_predicted_friction(model: str) -> None:
+    fit = solve(build_scene(small_tables(provider="surrogate", options={"model": model, "seed": 2})), MPI.COMM_SELF)
+    assert fit.counters["pairs_asked"] == 24
+    found = answers(made(model, seed=2), *((seat, bore) for seat in range(8) for bore in range(8)))
+    facets = fit.increments[-1].facets
+    pressed = facets.friction[facets.pressure > 0.0]
+    assert min(found) - TOLERANCE <= pressed.min() < pressed.max() <= max(found) + TOLERANCE
+    uniform = solve(build_scene(small_tables(options={"coefficient": float(np.mean(found))})), MPI.COMM_SELF)
+    assert np.abs(fit.force / uniform.force - 1.0).max() < max(found) / min(found) - 1.0
+    other = solve(build_scene(small_tables(provider="surrogate", options={"model": model, "seed": 3})), MPI.COMM_SELF)
+    assert not np.array_equal(fit.force, other.force)
+
+
+@pytest.mark.parametrize(
+    ("command", "override", "told"),
+    [
+        ("check", "friction.options={sede=1}", "macrofit: friction.options.sede: unknown option"),
+        ("check", "friction.options.surface={level=3}", "macrofit: options of friction provider 'surrogate': "),
+        ("run", "friction.options.micro_friction=0.5", "macrofit: friction provider 'surrogate' cannot be built: "),
+        ("run", "friction.options.model='none.safetensors'", "macrofit: friction provider 'surrogate' cannot be built"),
+    ],
+)
+def test_a_mistake_is_one_line_and_code_2(
+    command: str, override: str, told: str, model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(toml(small_tables(provider="surrogate")))
+    arguments = [command, "small.toml", "--set", f"friction.options.model='{model}'", "--set", override]
+    shown = CliRunner(mix_stderr=False).invoke(main, [*arguments, *(["-o", "out"] if command == "run" else [])])
+    assert shown.exit_code == 2
+    assert shown.stderr.startswith(told)
+    assert shown.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("error")
+def test_network_and_plates_agree(tmp_path: Path) -> None:
+    """Six pairs it has not learned from, within four of the standard deviations it states; seeds as of a run."""
+    pairs = [(3, 1), (10, 8), (47, 20), (90, 33), (120, 77), (179, 150)]
+    network, dem = build("surrogate", {}, context()), build("dem", {}, context(cache_dir=str(tmp_path)))
+    error = np.subtract(answers(network, *pairs), answers(dem, *pairs))
+    assert isinstance(network, TileNetwork)
+    assert (np.abs(error) <= 4.0 * network.uncertainty(asked(*pairs))).all()
