@@ -113,7 +113,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 )  # fmt: skip
 @click.option("--packings", type=int, default=1, show_default=True, help="Of the same pair of surfaces.")
 @click.option("--first-surface", type=int, default=0, show_default=True, help="Seed of the first pair's surfaces.")
-@click.option("--first-packing", type=int, default=0, show_default=True, help="First of the 16 seeds of packings.")
+@click.option("--first-packing", type=int, default=0, show_default=True, help="First of the 256 seeds of packings.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes; all cores where it is left out. Not under mpirun.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def generate(

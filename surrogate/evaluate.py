@@ -25,7 +25,7 @@ import numpy.typing as npt
 import torch
 
 from .checkpoint import Model, Provenance, load
-from .dataset import Faces, pairs
+from .dataset import Faces, Pairs, pairs
 from .errors import EvaluationError
 from .foundation import Foundation
 from .samples import Samples
@@ -45,7 +45,7 @@ class Measured:
     """Friction tests of n pairs of surfaces, p packings each, with k micro coefficients."""
 
     samples: Samples
-    """Of the first packing of each pair, (n,)."""
+    """Pair by pair, the packings of each one after the other, (n p,)."""
     micro: FloatArray
     """(k,), the same for all pairs."""
     meso: FloatArray
@@ -57,6 +57,11 @@ class Measured:
     def packings(self) -> int:
         """p."""
         return self.meso.shape[1]
+
+    def spread_out(self, answers: FloatArray) -> FloatArray:
+        """Answers (n, k) or (n p, k) as (n, p, k)."""
+        n, p, k = self.meso.shape
+        return np.broadcast_to(answers.reshape(n, -1, k), (n, p, k))
 
     @property
     def noise_floor(self) -> FloatArray:
@@ -73,9 +78,9 @@ class Predicted:
 
     name: str
     mean: FloatArray
-    """(n, k)."""
+    """(n, p, k); the same for all packings, unless it comes from their envelopes."""
     spread: FloatArray | None = None
-    """Standard deviation, (n, k); a baseline states none."""
+    """Standard deviation, (n, p, k); a baseline states none."""
 
 
 def evaluation(
@@ -144,7 +149,7 @@ def measured(samples: Samples) -> Measured:
         )
     order = np.argsort(pair, kind="stable").reshape(len(first), -1)  # (n, p), by id
     return Measured(
-        samples=take(samples, order[:, 0]),
+        samples=take(samples, order.ravel()),
         micro=micro[0],
         meso=samples.meso_friction[order],
         held=np.all(samples.minimum_normal > 0.0, axis=1)[order],
@@ -170,9 +175,17 @@ def predicted(model: Model, provenance: Provenance, data: Measured, name: str | 
             f"surfaces of seed {known[0]} and others ({known.size} of {seeds.size}) were learned from: "
             f"generate with --first-surface beyond {high}"
         )
-    told = pairs(data.samples, provenance.faces)
-    mean, spread = ask(model, told.wheel, told.axle, told.micro)
-    return Predicted(name or provenance.architecture, mean.double().numpy(), spread.double().numpy())
+    told = _faces(data, provenance.faces)
+    mean, spread = (
+        data.spread_out(answer.double().numpy()) for answer in ask(model, told.wheel, told.axle, told.micro)
+    )
+    return Predicted(name or provenance.architecture, mean, spread)
+
+
+def _faces(data: Measured, faces: Faces) -> Pairs:
+    """Each pair of generated faces once; envelopes of all packings."""
+    told = pairs(data.samples, faces)
+    return told if faces == "envelope" else told.take(np.arange(0, len(told), data.packings))
 
 
 def constant_ratio(data: Measured) -> Predicted:
@@ -182,39 +195,39 @@ def constant_ratio(data: Measured) -> Predicted:
     order = np.argsort(ratio)  # sum of w |r - c| is smallest at the weighted median
     total = np.cumsum(weight[order])
     c = ratio[order][np.searchsorted(total, 0.5 * total[-1])]
-    return Predicted("constant ratio", np.broadcast_to(c * data.micro, (len(data.meso), len(data.micro))))
+    return Predicted("constant ratio", np.broadcast_to(c * data.micro, data.meso.shape))
 
 
 def foundation_alone(data: Measured, faces: Faces, load: float) -> Predicted:
     """mu_micro + b with b of an elastic foundation: nothing is learned."""
-    told = pairs(data.samples, faces)
+    told = _faces(data, faces)
     with torch.inference_mode():
         slope, _ = Foundation([ALONE[faces]], load)(told.wheel, told.axle)
-    return Predicted("foundation alone", data.micro + slope.double().numpy())
+    return Predicted("foundation alone", data.spread_out(told.micro.double().numpy() + slope.double().numpy()))
 
 
 def errors(data: Measured, said: Predicted) -> tuple[FloatArray, FloatArray]:
-    """Relative errors against each packing (n, p, k), and against their mean (n, k)."""
-    one = np.abs(said.mean[:, None] - data.meso) / np.abs(data.meso)
+    """Relative errors against each packing (n, p, k), and of the mean over packings against theirs (n, k)."""
+    one = np.abs(said.mean - data.meso) / np.abs(data.meso)
     mean = data.meso.mean(1)
-    return one, np.abs(said.mean - mean) / np.abs(mean)
+    return one, np.abs(said.mean.mean(1) - mean) / np.abs(mean)
 
 
 def slope_r2(data: Measured, said: Predicted) -> float:
-    """R2 of b in mu = a mu_micro + b, against the first packing; b through the ends of the micro coefficients."""
+    """R2 of b in mu = a mu_micro + b against each packing; b through the ends of the micro coefficients."""
 
     def b(mu: FloatArray) -> FloatArray:
-        a = (mu[:, -1] - mu[:, 0]) / (data.micro[-1] - data.micro[0])
-        return np.asarray(mu[:, 0] - a * data.micro[0])
+        a = (mu[..., -1] - mu[..., 0]) / (data.micro[-1] - data.micro[0])
+        return np.asarray(mu[..., 0] - a * data.micro[0])
 
-    true = b(data.meso[:, 0])
+    true = b(data.meso)
     return float(1.0 - np.sum((b(said.mean) - true) ** 2) / np.sum((true - true.mean()) ** 2))
 
 
 def coverage(data: Measured, said: Predicted) -> FloatArray:
     """Share of all packings inside the stated 90 % interval, (k,)."""
     assert said.spread is not None
-    inside = np.abs(said.mean[:, None] - data.meso) <= QUANTILE * said.spread[:, None]
+    inside = np.abs(said.mean - data.meso) <= QUANTILE * said.spread
     return np.asarray(inside.mean(axis=(0, 1)))
 
 

@@ -47,8 +47,6 @@ from .monitor import FarmMonitor, Silent
 
 FRICTION_RANGE = (0.01, 0.09)
 """Of the micro coefficients of a design [-]; each pair takes one of every equal part of it."""
-PACKING_SEEDS = 16
-"""Of a design: as many flat packings, of two plates each, as the plates keep in memory."""
 FINEST = 5
 """Levels; the 33 points of a matrix along an edge leave out nothing of 2^n + 1 up to here."""
 DESIGNED = {
@@ -77,9 +75,12 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
     """Of the scrambling."""
     first_surface: int = 0
     first_packing: int = 0
-    """Packing seeds are first_packing + (pair + packing) modulo PACKING_SEEDS."""
+    """Packing seeds are first_packing + (pair + packing) modulo packing_seeds."""
     packings: int = 1
     """Of the same pair of surfaces."""
+    packing_seeds: int = 256
+    """Flat packings, of two plates each, that share the pairs. With 16 of them a network of envelopes learns these very
+    spheres: its error on others was 0.86 % where cross-validation among them had promised 0.62 %."""
     max_height: tuple[float, float] = (0.005, 0.04)
     """R, log-uniform [mm]."""
     levels: tuple[int, ...] = (3, 4)
@@ -93,6 +94,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             "--first-surface": (self.first_surface, 0, 2**30 - 1),
             "--first-packing": (self.first_packing, 0, 2**30 - 1),
             "--packings": (self.packings, 1, 10_000),
+            "packing_seeds": (self.packing_seeds, 1, 10_000),
             "--micro-friction": (self.count, 1, 100),
         }
         for option, (value, low, high) in limits.items():
@@ -151,7 +153,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             )
             contact = msgspec.structs.replace(plates.contact, micro_friction=point.micro_friction)
             for packing in range(self.packings):
-                turn = (pair + packing) % max(PACKING_SEEDS, self.packings)
+                turn = (pair + packing) % max(self.packing_seeds, self.packings)
                 packed = msgspec.structs.replace(plates.plates, packing_seed=self.first_packing + turn)
                 settings = msgspec.structs.replace(plates, surface=surface, plates=packed, contact=contact)
                 yield Task(self.packings * pair + packing, settings, header)

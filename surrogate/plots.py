@@ -49,16 +49,16 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
     """Actual against predicted by configuration, as in the paper: one micro coefficient, sorted by the actual one."""
     k = int(np.argmin(np.abs(data.micro - SHOWN)))
     figure, axes = sheet(7.2, 3.6)
-    mean = data.meso[..., k].mean(1)
-    order = np.argsort(mean)
+    order = np.argsort(data.meso[..., k].mean(1))
+    mean = said.mean[order, :, k].mean(1)
     place = np.arange(len(order))
     if said.spread is not None:
-        half = QUANTILE * said.spread[order, k]
+        half = QUANTILE * said.spread[order, :, k].mean(1)
         axes.fill_between(
-            place, said.mean[order, k] - half, said.mean[order, k] + half,
+            place, mean - half, mean + half,
             color=BLUE, alpha=0.18, lw=0, label="stated 90 % interval of one packing",
         )  # fmt: skip
-    axes.plot(place, said.mean[order, k], color=BLUE, lw=1.2, label="predicted")
+    axes.plot(place, mean, color=BLUE, lw=1.2, label="predicted")
     for packing in range(data.packings):
         label = "actual, each packing" if packing == 0 else None
         axes.plot(place, data.meso[order, packing, k], ".", color=RED, ms=3.5, alpha=0.7, label=label)
@@ -71,13 +71,13 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
 def scatter(data: Measured, said: Predicted, target: Path) -> Path:
     """Predicted over actual for all micro coefficients, and the same for b, the part that roughness alone gives."""
     figure, (left, right) = sheet(8.6, 4.2, 1.0, 1.0)
-    actual = data.meso.mean(1)
+    actual, guess = data.meso.mean(1), said.mean.mean(1)
     for k, colour in zip(range(len(data.micro)), (BLUE, GREEN, ORANGE, PURPLE, RED, SKY), strict=False):
-        left.plot(actual[:, k], said.mean[:, k], ".", ms=4, color=colour, label=f"{data.micro[k]:g}")
+        left.plot(actual[:, k], guess[:, k], ".", ms=4, color=colour, label=f"{data.micro[k]:g}")
     left.legend(title="$\\mu_{micro}$", frameon=False, fontsize=8, title_fontsize=8)
     left.set_xlabel(f"actual meso coefficient [-] (mean over {data.packings} packings)")
     left.set_ylabel("predicted meso coefficient [-]")
-    b = [_intercept(data.micro, mu) for mu in (actual, said.mean)]
+    b = [_intercept(data.micro, mu) for mu in (actual, guess)]
     right.plot(1e3 * b[0], 1e3 * b[1], ".", ms=4, color=BLUE)
     right.set_xlabel("actual $10^3\\,b$ [-]")
     right.set_ylabel("predicted $10^3\\,b$ [-]")

@@ -18,7 +18,7 @@ from meso.friction_test import run
 from meso.plates import rough_face
 from surrogate.database import read
 from surrogate.errors import DatabaseError, DesignError
-from surrogate.generate import FINEST, FRICTION_RANGE, PACKING_SEEDS, Design, Here, Pool, generate, header_of, plates
+from surrogate.generate import FINEST, FRICTION_RANGE, Design, Here, Pool, generate, header_of, plates
 from surrogate.journal import journal_of
 
 SMALL = plates(["plates.spheres=500", "engine.samples=40"])
@@ -94,7 +94,7 @@ def test_a_split_by_pair_is_a_split_by_seed():
     for task in tasks:
         surface, packing = task.settings.surface, task.settings.plates.packing_seed
         assert surface.wheel_seed == surface.axle_seed == 100 + task.id // 3
-        assert 50 <= packing < 50 + PACKING_SEEDS
+        assert 50 <= packing < 50 + Design().packing_seeds
         task.settings.check()
     for pair in range(40):
         same = tasks[3 * pair : 3 * pair + 3]
