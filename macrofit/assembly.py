@@ -2,16 +2,76 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
 from mpi4py import MPI
 
 from .body import Body, CondensedBody, compile_form
 from .condensed import Condensed
+from .errors import SceneError
 from .files import cache_folder
 from .friction import BuildContext, FrictionField, build
 from .parallel import SharedAsk, raise_together
 from .press import TILE, Engine, tiles
 from .scene_keys import Scene
 from .seat import Seat
+
+if TYPE_CHECKING:
+    from .stress import StressEvaluator
+
+BODY_KEYS = ("axle", "wheel", "mesh", "contact", "solver")
+"""The tables and keys of a scene that the bodies and their contact lines depend on."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Everything that depends on bodies, mesh and contact alone: made once, it serves every friction and motion."""
+
+    scene: Scene
+    comm: MPI.Comm
+    bodies: dict[str, Body]  # those of this rank
+    seat: Seat
+    axle: CondensedBody
+    wheel: CondensedBody
+    engine: Engine
+    evaluators: dict[str, StressEvaluator] = field(default_factory=dict)  # made when stresses are first asked for
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of both bodies."""
+        return self.axle.dofs + self.wheel.dofs
+
+    @property
+    def factorisations(self) -> int:
+        """Those that condensing took, of both bodies."""
+        return self.axle.factorisations + self.wheel.factorisations
+
+    def serves(self, scene: Scene) -> bool:
+        """Whether the scene has the same bodies, meshes, contact formulation and solver."""
+        return all(getattr(scene, key) == getattr(self.scene, key) for key in BODY_KEYS)
+
+    def checked(self, scene: Scene, comm: MPI.Comm) -> Assembly:
+        """Itself. Raises SceneError where it was made for other bodies or ranks; the message names the tables."""
+        others = [key for key in BODY_KEYS if getattr(scene, key) != getattr(self.scene, key)]
+        if others:
+            raise SceneError(
+                f"{', '.join(others)}: differ from the scene that was assembled; only friction, motion, output and "
+                f"title may change where an assembly is used again, otherwise assemble the new scene"
+            )
+        if comm != self.comm:
+            raise SceneError("the assembly was made on another communicator; assemble the scene on this one")
+        return self
+
+
+def assemble(scene: Scene, comm: MPI.Comm) -> Assembly:
+    """Mesh, factor and condense both bodies, each on a rank of its own. Collective.
+
+    Raises MeshError.
+    """
+    bodies = discretise_bodies(scene, comm)
+    seat, axle, wheel = condense_bodies(scene, comm, bodies)
+    return Assembly(scene, comm, bodies, seat, axle, wheel, engine_of(scene, seat, axle, wheel, bodies))
 
 
 def owner(comm: MPI.Comm, body: str) -> int:
@@ -57,6 +117,7 @@ def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBod
         seat_tiles=tiles(seat.line.coordinate),
         bore_tiles=tiles(wheel.line.coordinate),
         tile_size=TILE,
+        seat_origin=float(seat.line.coordinate[0]),
         youngs_modulus=material.youngs_modulus,
         poisson_ratio=material.poisson_ratio,
         cache_dir=cache_folder(),

@@ -83,6 +83,114 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
             click.echo(line)
 
 
+@main.command()
+@click.argument("scene")
+@click.option(
+    "--vary",
+    multiple=True,
+    required=True,
+    metavar="KEY=V1,V2,...",
+    help="Values of a key of the scene, or a range of integers, 1:200. More than one: every combination.",
+)
+@click.option(
+    "--reference",
+    "references",
+    multiple=True,
+    metavar="uniform=MU",
+    help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
+)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene in all runs.")
+@click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-study.")
+@click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
+@click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def study(
+    scene: str,
+    vary: tuple[str, ...],
+    references: tuple[str, ...],
+    overrides: tuple[str, ...],
+    folder: Path | None,
+    resume: bool,
+    keep: bool,
+    quiet: bool,
+) -> None:
+    """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
+
+    Bodies are factored once for all runs. Writes study.csv, curves.csv, study.json and figures into a folder;
+    stress fields only where the scene has output.fields_at.
+
+    \b
+    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
+        --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
+    mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
+    """
+    from mpi4py import MPI
+
+    comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
+    with ending(comm, target):
+        from .parallel import raise_together
+        from .study import carry_out_study
+        from .study_plan import plan_study
+
+        with raise_together(comm):
+            plan = plan_study(scene, vary, overrides, references)
+        lines = carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet)
+        for line in [] if quiet else lines:
+            click.echo(line)
+
+
+@main.command()
+@click.argument("scene")
+@click.option(
+    "--curve",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Measured curve: two columns, displacement [mm] and force [N]; other units by the header.",
+)
+@click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
+@click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+@click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-identified.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def identify(
+    scene: str,
+    curve: Path,
+    key: str | None,
+    bounds: str | None,
+    overrides: tuple[str, ...],
+    folder: Path | None,
+    quiet: bool,
+) -> None:
+    """Find the friction of SCENE for which its fitting curve matches a measured one, with its standard error.
+
+    Writes identification.json, identified_curve.csv and a figure into a folder.
+    """
+    from mpi4py import MPI
+
+    comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
+    with ending(comm, target):
+        from .identify_output import carry_out_identification
+
+        lines = carry_out_identification(
+            scene, curve, comm, target, overrides=overrides, key=key, bounds=interval(bounds), quiet=quiet
+        )
+        for line in [] if quiet else lines:
+            click.echo(line)
+
+
+def interval(text: str | None) -> tuple[float, float] | None:
+    """LOW,HIGH as numbers. Raises SceneError."""
+    from .errors import SceneError
+
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
+    return low, high
+
+
 @contextmanager
 def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     """End every rank with the right code and one message: never a rank that waits for one that is gone."""

@@ -12,6 +12,8 @@ or two seat facets that the wheel covers in part.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import scipy.linalg as sla
 
@@ -66,13 +68,16 @@ class Condensed:
         return both
 
     def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A W tau (2, n) [mm] and the bore's displacement for forces W tau (2, n) [N]."""
+        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
         index = facing.covered.index
-        spread = np.zeros((2, self._influence.shape[2]))
+        spread, response = np.zeros((2, 2, self._influence.shape[2]))
         spread[:, index] = forces
-        both = [spread[0] @ self._influence[0, i] + spread[1] @ self._influence[1, i] for i in range(2)]
-        bore = -(self.wheel.compliance @ facing.pairing.bore_loads(forces))
-        return np.stack(both)[:, index] - facing.pairing.bore_moments(bore), bore
+        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
+        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
+        for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1)):
+            response[i, columns] += spread[j, rows] @ self._influence[j, i, rows, columns]
+        bore = -_product_within(self.wheel.compliance, facing.pairing.bore.span, facing.pairing.bore_loads(forces))
+        return response[:, index] - facing.pairing.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -181,6 +186,15 @@ class CondensedProblem:
         transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
         transposed[np.searchsorted(active, sticking), a + np.arange(k)] -= (share * n_r / covered.gamma)[sticking]
         return transposed.T
+
+
+def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:
+    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone."""
+    blocks, given = matrix.reshape(2, len(vector) // 2, 2, -1), vector.reshape(2, -1)
+    out = np.zeros_like(given)
+    for i, j in product((0, 1), (0, 1)):
+        out[i, span] += blocks[i, span, j, span] @ given[j, span]
+    return out.ravel()
 
 
 def _span(index: IntArray) -> IntArray | slice:

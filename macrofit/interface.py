@@ -22,6 +22,11 @@ class Band:
     matrix: FloatArray  # (n, columns), zero outside the blocks
     blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each
 
+    @property
+    def span(self) -> slice:
+        """The columns that have entries lie within."""
+        return slice(min(columns.start for _, columns in self.blocks), max(columns.stop for _, columns in self.blocks))
+
     def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
         """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (columns, k); skips zero blocks."""
         for rows, columns in self.blocks:

@@ -85,7 +85,7 @@ def write_results(folder: Path, solution: Solution) -> list[str]:
     from .plots import write_figures
 
     numbers = summary(solution)
-    write_interface(folder, solution.scene, solution.seat, solution.increments)
+    write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_summary(folder, numbers)
     write_figures(folder, solution)

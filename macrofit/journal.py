@@ -32,7 +32,7 @@ class _Header(msgspec.Struct, array_like=True):
     version: int
     digest: str  # sha256 of the scene
     scene: bytes  # the resolved scene, as JSON
-    meshes: dict[str, str]  # key of a mesh file -> sha256 of its content
+    meshes: dict[str, str]  # key of a file, of a mesh or of a provider's option -> sha256 of its content
 
 
 class _Content(NamedTuple):
@@ -167,6 +167,9 @@ def _header(scene: Scene) -> _Header:
         file = getattr(scene.mesh, body)
         if file is not None and Path(file).is_file():
             meshes[f"mesh.{body}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    for key, value in _flat(scene.friction.options, "friction.options").items():
+        if isinstance(value, str) and os.path.isfile(value):
+            meshes[key] = hashlib.sha256(Path(value).read_bytes()).hexdigest()
     return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, meshes)
 
 
@@ -176,7 +179,8 @@ def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
         return
     old, new = _flat(msgspec.json.decode(header.scene), ""), _flat(msgspec.json.decode(now.scene), "")
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    changed += [f"content of {key}" for key, digest in now.meshes.items() if header.meshes.get(key) != digest]
+    files = sorted(header.meshes.keys() | now.meshes.keys())
+    changed += [f"content of {key}" for key in files if header.meshes.get(key) != now.meshes.get(key)]
     listed = ", ".join(changed[:6]) + (", ..." if len(changed) > 6 else "")
     raise OutputError(
         f"{path}: is of another scene (changed: {listed}); run with the scene.toml beside it, or without --resume"

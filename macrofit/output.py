@@ -19,7 +19,7 @@ from .errors import OutputError
 from .files import append_whole, replacing, writing
 from .geometry import FloatArray
 from .scene import Scene, dump_scene
-from .solution import BodyField, FacetState, Increment
+from .solution import BodyField, FacetState, Increment, PairFrictionMap
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -129,10 +129,17 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     return values[:, 0], values[:, 1]
 
 
-def write_interface(folder: Path, scene: Scene, seat: FloatArray | None, records: Sequence[Increment]) -> None:
+def write_interface(
+    folder: Path,
+    scene: Scene,
+    seat: FloatArray | None,
+    records: Sequence[Increment],
+    friction: PairFrictionMap | None = None,
+) -> None:
     """interface.h5: the state of every facet of the seat at every increment, (increments, facets).
 
-    ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN.
+    ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN. The group
+    `pairs` has the pairs of tiles met, where the run had any: tile numbers, coefficient, uncertainty.
     """
     import h5py
 
@@ -152,10 +159,24 @@ def write_interface(folder: Path, scene: Scene, seat: FloatArray | None, records
         for item in fields(FacetState):
             rows = [getattr(record.facets, item.name) for record in records]
             _dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
+        if friction is not None and friction.seat.size:
+            _write_pairs(file.create_group("pairs"), friction)
         file.flush()
         image = file.id.get_file_image()
     with replacing(folder / INTERFACE) as draft:
         draft.write_bytes(image)
+
+
+def _write_pairs(group: Any, friction: PairFrictionMap) -> None:
+    tiling = friction.tiling
+    group.attrs["tile_size_mm"] = tiling.size
+    group.attrs["seat_origin_mm"] = tiling.seat_origin
+    group.attrs["bore_leading_edge_mm"] = tiling.bore_ends[1]
+    group.attrs["seat_tiles"], group.attrs["bore_tiles"] = tiling.seat_tiles, tiling.bore_tiles
+    group.attrs["lasting"] = friction.lasting
+    units = {"seat": "tile, from the seat's start", "bore": "tile, from the leading edge"}
+    for name in ("seat", "bore", "coefficient", "uncertainty"):
+        _dataset(group, name, getattr(friction, name), units.get(name, "1"))
 
 
 def _dataset(file: Any, name: str, values: Any, unit: str) -> None:

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from mpi4py import MPI
 
-from .friction import FrictionProvider, TilePairs, checked_answer
-from .geometry import FloatArray
+from .friction import FrictionProvider, PairFriction, TilePairs, answered
 
 
 @contextmanager
@@ -39,13 +38,12 @@ class SharedAsk:
     def __init__(self, comm: MPI.Comm, name: str) -> None:
         self.comm, self.name = comm, name
 
-    def __call__(self, provider: FrictionProvider, pairs: TilePairs) -> FloatArray:
-        """Coefficients of ``pairs``, each asked on one rank and checked there."""
+    def __call__(self, provider: FrictionProvider, pairs: TilePairs) -> PairFriction:
+        """Coefficients of ``pairs`` and their uncertainty, each asked on one rank and checked there."""
         bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
         mine = np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1])
-        answer = np.zeros(0)
+        answer = PairFriction(np.zeros(0), np.zeros(0))
         with raise_together(self.comm):
             if len(mine):
-                share = pairs.take(mine)
-                answer = checked_answer(provider.coefficients(share), share, self.name)
-        return np.concatenate(self.comm.allgather(answer))
+                answer = answered(provider, pairs.take(mine), self.name)
+        return PairFriction(*np.concatenate(self.comm.allgather(np.stack(answer)), axis=1))

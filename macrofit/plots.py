@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .figure import BLACK, BLUE, BROWN, GREEN, ORANGE, PURPLE, SKY, blank, save
+from .friction_plot import friction
 from .geometry import FloatArray
 from .output import read_curve
 from .report import verdict
@@ -26,6 +27,8 @@ def write_figures(folder: Path, solution: Solution) -> list[Path]:
     drawn = {"fitting_curve.png": fitting_curve(solution)}
     if any(record.normal_force > 0.0 for record in solution.increments):
         drawn["interface.png"] = interface(solution)
+        if solution.friction is not None and solution.friction.seat.size:
+            drawn["friction.png"] = friction(solution, solution.friction)
     if solution.fields:
         drawn["stress.png"] = stress(solution)
         drawn["stress_entrance.png"] = stress(solution, zoom=min(ZOOM, 4.0 * _contact_length(solution)))

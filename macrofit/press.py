@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -12,14 +13,14 @@ import numpy as np
 from .body import ContactLine
 from .contact import Answer, Facing, Status, StatusArray
 from .errors import ConvergenceError
-from .friction import FrictionField, tile_overlaps
+from .friction import FrictionField
 from .geometry import FloatArray
 from .interface import Pairing, pair
 from .mesh import IntArray
 from .newton import LinearProblem, Report, newton
 from .scene_keys import Scene
 from .seat import Seat
-from .solution import OPEN, SLIP, STICK, FacetState, Increment
+from .solution import OPEN, SLIP, STICK, FacetState, Increment, PairFrictionMap, Tiling
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
@@ -59,9 +60,10 @@ class State:
 
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
-        """The inverse of ``arrays``."""
+        """The inverse of ``arrays``; what else stands in a journal is left."""
         scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
-        return State(**{**arrays, **scalars})  # type: ignore[arg-type]
+        own = {name: arrays[name] for name in State.__dataclass_fields__}
+        return State(**{**own, **scalars})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -209,13 +211,24 @@ class Press:
 
     def _facet_friction(self, pairing: Pairing, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
-        s, b = self.seat.line.coordinate, self.bore.coordinate
+        s = self.seat.line.coordinate
         start, end = s[:-1].copy(), s[:-1].copy()
         facets = pairing.portions.facet
         start[facets], end[facets] = pairing.portions.start, pairing.portions.end
-        edge = float(b[-1]) + (displacement if self.seat.line.radial else 0.0)
-        overlaps = tile_overlaps(start, end, edge, TILE, tiles(s), tiles(b), seat_origin=float(s[0]))
+        overlaps = self.tiling.overlaps(start, end, displacement)
         return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
+
+    @cached_property
+    def tiling(self) -> Tiling:
+        """Where the tiles of both lines lie."""
+        s, b = self.seat.line.coordinate, self.bore.coordinate
+        ends = (float(b[0]), float(b[-1]))
+        return Tiling(TILE, float(s[0]), tiles(s), ends, tiles(b), self.seat.line.radial)
+
+    def pair_friction(self) -> PairFrictionMap | None:
+        """What is known of the pairs of tiles met so far; None where all have the same coefficient."""
+        known = self.friction.state()
+        return PairFrictionMap(self.tiling, *known, self.friction.lasting) if self.friction.per_pair else None
 
     def _step(
         self,

@@ -46,6 +46,8 @@ __all__ = [
     "scene_names",
 ]
 
+PROVIDER = "friction.provider"
+
 
 def scene_names() -> list[str]:
     """Names of the scenes shipped with the package."""
@@ -56,18 +58,21 @@ def scene_names() -> list[str]:
 def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     """Read a scene: a built-in name or a TOML file, changed by ``key=value`` overrides (dotted keys).
 
+    Another friction provider starts without the options of the one it replaces, wherever in the order it is named.
     Raises SceneError with one line that names the key.
     """
     raw, folder = _read(source)
-    for override in overrides:
+    for override in sorted(overrides, key=lambda text: text.partition("=")[0].strip() != PROVIDER):
         _override(raw, override)
     return build_scene(raw, folder)
 
 
 def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
-    """Decode and check the tables of a scene; mesh files are looked for beside ``folder``."""
+    """Decode and check the tables of a scene; mesh files and tables of friction are looked for beside ``folder``."""
     tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in raw.items()}
     _name_shapes(tables, folder)
+    if isinstance(tables.get("friction"), dict):
+        tables["friction"] = _place_tables(tables["friction"], "provider", folder or Path())
     try:
         scene = msgspec.convert(tables, Scene)
     except msgspec.ValidationError as error:
@@ -125,6 +130,8 @@ def _override(raw: dict[str, Any], override: str) -> None:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
             raise SceneError(f"{key}: '{part}' is not a table")
+    if key.strip() == PROVIDER and table.get(last, "uniform") != parsed:
+        table.pop("options", None)
     table[last] = parsed
 
 
@@ -142,6 +149,17 @@ def _name_shapes(tables: dict[str, Any], folder: Path | None) -> None:
             if file is not None and tables[body].get("shape", "mesh") != "mesh":
                 raise SceneError(f"{body}.shape: not used where mesh.{body} gives a file; leave one of them out")
             tables[body].setdefault("shape", default if file is None else "mesh")
+
+
+def _place_tables(friction: Mapping[str, Any], named: str, folder: Path) -> dict[str, Any]:
+    """The table [friction] with the path of a table's file made absolute, also where another provider wraps it."""
+    placed = dict(friction)
+    options = placed.get("options")
+    if isinstance(options, Mapping):
+        if placed.get(named) == "table" and isinstance(options.get("file"), str):
+            options = {**options, "file": str((folder / options["file"]).resolve())}
+        placed["options"] = _place_tables(options, "base", folder)
+    return placed
 
 
 _FIELDS: dict[str, type[Keys]] = {

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from .friction import TileOverlaps, tile_overlaps
 from .geometry import FloatArray
 from .mesh import IntArray
 from .scene_keys import Scene
@@ -75,6 +76,36 @@ class BodyField:
 
 
 @dataclass(frozen=True)
+class Tiling:
+    """Where the friction tiles of seat and bore lie."""
+
+    size: float  # mm
+    seat_origin: float  # mm, coordinate where seat tile 0 starts
+    seat_tiles: int
+    bore_ends: tuple[float, float]  # mm, coordinates of the bore's rear and leading edge at displacement 0
+    bore_tiles: int
+    radial: bool  # the bore moves along the seat
+
+    def overlaps(self, start: FloatArray, end: FloatArray, displacement: float) -> TileOverlaps:
+        """Which pairs of tiles the pieces [start, end] of the seat face at a displacement, and over what length."""
+        edge = self.bore_ends[1] + (displacement if self.radial else 0.0)
+        tiles = (self.size, self.seat_tiles, self.bore_tiles)
+        return tile_overlaps(start, end, edge, *tiles, seat_origin=self.seat_origin)
+
+
+@dataclass(frozen=True)
+class PairFrictionMap:
+    """The pairs of tiles a run has met and their friction, arrays of shape (pairs,)."""
+
+    tiling: Tiling
+    seat: IntArray  # tile number
+    bore: IntArray
+    coefficient: FloatArray  # the latest answer of the provider
+    uncertainty: FloatArray  # its standard deviation, NaN where the provider states none
+    lasting: bool  # a pair keeps its coefficient: the provider depends on tiles alone
+
+
+@dataclass(frozen=True)
 class Solution:
     """A whole run."""
 
@@ -90,6 +121,7 @@ class Solution:
     increments_cpu_s: float
     stress_cpu_s: float
     counters: dict[str, int]  # factorisations, right_hand_sides, back_substitutions, provider_calls, ...
+    friction: PairFrictionMap | None = None  # None where the coefficient is the same everywhere
 
     @property
     def displacement(self) -> FloatArray:

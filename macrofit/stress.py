@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from mpi4py import MPI
 
-from .assembly import owner
+from .assembly import Assembly, owner
 from .body import Body
 from .elasticity import stiffness_moduli, strain_operator, von_mises
 from .geometry import FloatArray
@@ -71,18 +70,22 @@ class Stresses:
     back_substitutions: int
 
 
-def evaluate_stresses(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body], states: Sequence[State]) -> Stresses:
+def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State]) -> Stresses:
     """The largest von Mises stress over the run and the fields the scene asks for. Collective."""
+    comm = assembly.comm
     travels = [state.displacement for state in states]
     wanted = _fields_at(scene, travels)
     if not states or not (scene.output.stress or wanted):
         return Stresses({}, {}, {}, 0, 0)
     found: dict[str, _BodyStresses] = {}
     with raise_together(comm):
-        for name, body in bodies.items():
+        for name, body in assembly.bodies.items():
             if owner(comm, name) == comm.rank:
+                if name not in assembly.evaluators:
+                    assembly.evaluators[name] = StressEvaluator(body)
                 loads = [state.seat_load if name == "axle" else state.bore_load for state in states]
-                found[name] = _evaluate(body, loads, travels, wanted, everywhere=scene.output.stress)
+                evaluator = assembly.evaluators[name]
+                found[name] = _evaluate(evaluator, loads, travels, wanted, everywhere=scene.output.stress)
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
         {name: part.extreme for name, part in both.items() if part.extreme is not None},
@@ -114,14 +117,14 @@ class _BodyStresses:
 
 
 def _evaluate(
-    body: Body,
+    evaluator: StressEvaluator,
     loads: Sequence[FloatArray],
     travels: Sequence[float],
     wanted: Sequence[int],
     *,
     everywhere: bool,
 ) -> _BodyStresses:
-    evaluator = StressEvaluator(body)
+    body = evaluator.body
     factored, solved = body.factorisations, body.back_substitutions
     reactions = np.full(len(loads), np.nan)
     fields: dict[int, BodyField] = {}

@@ -134,6 +134,7 @@ class TileFriction:
     def __init__(self, settings: Settings, seed: int, cache: CoefficientCache | None = None) -> None:
         self.shared, self.seed, self.cache = settings, seed, cache
         self.runs = self.clipped = 0
+        self._last: dict[tuple[int, int], Entry] = {}
         self._plate = functools.lru_cache(2 * HELD_SPHERES // settings.plates.spheres)(self._made)
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
@@ -143,8 +144,21 @@ class TileFriction:
             ProviderError: a pair that cannot be computed: which, and why.
         """
         asked = list(zip(pairs.seat.tolist(), pairs.bore.tolist(), strict=True))
-        known = {pair: self._bounded(*pair) for pair in sorted(set(asked))}
+        self._last = {pair: self.entry(*pair) for pair in sorted(set(asked))}
+        known = {pair: self._bounded(*pair, entry) for pair, entry in self._last.items()}
         return np.array([known[pair] for pair in asked], dtype=np.float64)
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        """Standard error of mu of each pair along the slide [-], shape (n,).
+
+        What `coefficients` was asked last is not computed again.
+
+        Raises:
+            ProviderError: as `coefficients`.
+        """
+        asked = zip(pairs.seat.tolist(), pairs.bore.tolist(), strict=True)
+        entries = [self._last.get(pair) or self.entry(*pair) for pair in asked]
+        return np.array([entry.uncertainty for entry in entries], dtype=np.float64)
 
     def settings(self, seat: int, bore: int) -> Settings:
         """The friction test of a pair: `meso.friction_test.run` with these gives its coefficient to the bit."""
@@ -176,8 +190,7 @@ class TileFriction:
             self.cache.keep(entry)
         return entry
 
-    def _bounded(self, seat: int, bore: int) -> float:
-        entry = self.entry(seat, bore)
+    def _bounded(self, seat: int, bore: int, entry: Entry) -> float:
         if entry.coefficient < 0.0:
             if not self.clipped:
                 warnings.warn(

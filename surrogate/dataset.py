@@ -68,13 +68,18 @@ def pairs(samples: Samples, faces: Faces = "generated") -> Pairs:
 
 
 def families(samples: Samples) -> IntArray:
-    """A number for each sample, the same for those that share a surface, directly or by way of others, (samples,)."""
-    wheels, wheel = np.unique(samples.wheel_seed, return_inverse=True)
-    axles, axle = np.unique(samples.axle_seed, return_inverse=True)
-    nodes = len(wheels) + len(axles)
-    graph = coo_matrix((np.ones(len(wheel)), (wheel, axle + len(wheels))), shape=(nodes, nodes))
+    """A number for each sample, (samples,): the same for those that share a surface or a packing, or so by others."""
+    count = len(samples)
+    links, nodes = [], count
+    for seeds in (samples.wheel_seed, samples.axle_seed, samples.packing_seed):
+        distinct, which = np.unique(seeds, return_inverse=True)
+        links.append(nodes + which)
+        nodes += len(distinct)
+    sample = np.tile(np.arange(count), len(links))
+    graph = coo_matrix((np.ones(len(sample)), (sample, np.concatenate(links))), shape=(nodes, nodes))
     _, label = connected_components(graph, directed=False)
-    return np.asarray(label[wheel], dtype=np.int64)
+    _, family = np.unique(label[:count], return_inverse=True)
+    return np.asarray(family, dtype=np.int64)
 
 
 def folds(samples: Samples, count: int, seed: int = 0) -> list[IntArray]:
@@ -87,7 +92,7 @@ def folds(samples: Samples, count: int, seed: int = 0) -> list[IntArray]:
 
 
 def split(samples: Samples, validation: float = 0.3, seed: int = 0) -> tuple[IntArray, IntArray]:
-    """Rows for training and for validation; no surface seed is on both sides."""
+    """Rows for training and for validation; no surface and no packing is on both sides."""
     family = families(samples)
     order = np.random.default_rng(seed).permutation(family.max() + 1)
     kept = set(order[round(validation * len(order)) :].tolist())

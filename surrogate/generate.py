@@ -75,7 +75,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
     """Of the scrambling."""
     first_surface: int = 0
     first_packing: int = 0
-    """Packing seeds are first_packing + (pair + packing) modulo packing_seeds."""
+    """Packings have the seeds from here on; see `packing_seed`."""
     packings: int = 1
     """Of the same pair of surfaces."""
     packing_seeds: int = 256
@@ -139,6 +139,11 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             micro_friction=given,
         )
 
+    def packing_seed(self, pair: int, packing: int) -> int:
+        """A block of `packings` seeds for each pair in turn, so that pairs share all their packings or none."""
+        blocks = max(1, self.packing_seeds // self.packings)
+        return self.first_packing + (pair % blocks) * self.packings + packing
+
     def tasks(self, plates: Settings, pairs: int, header: Header) -> Iterator[Task]:
         """All samples of the first pairs, by id."""
         for pair, point in enumerate(self.points(pairs)):
@@ -153,8 +158,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             )
             contact = msgspec.structs.replace(plates.contact, micro_friction=point.micro_friction)
             for packing in range(self.packings):
-                turn = (pair + packing) % max(self.packing_seeds, self.packings)
-                packed = msgspec.structs.replace(plates.plates, packing_seed=self.first_packing + turn)
+                packed = msgspec.structs.replace(plates.plates, packing_seed=self.packing_seed(pair, packing))
                 settings = msgspec.structs.replace(plates, surface=surface, plates=packed, contact=contact)
                 yield Task(self.packings * pair + packing, settings, header)
 

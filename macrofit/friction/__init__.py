@@ -1,7 +1,7 @@
 """Where the solver's coefficient of friction comes from: the contract, the installed providers, the field."""
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import checked_answer
+from macrofit.friction.answer import PairFriction, answered, checked_answer, checked_uncertainty
 from macrofit.friction.conformance import ConformanceError
 from macrofit.friction.contract import (
     BuildContext,
@@ -9,9 +9,10 @@ from macrofit.friction.contract import (
     FrictionProvider,
     IntArray,
     ProviderOptions,
+    StatesUncertainty,
     TilePairs,
 )
-from macrofit.friction.field import FieldState, FrictionField, ask_directly
+from macrofit.friction.field import FieldState, FrictionField
 from macrofit.friction.registry import InstalledProvider, build, load, names
 from macrofit.friction.tiles import TileOverlaps, tile_overlaps
 from macrofit.friction.uniform import Uniform
@@ -25,14 +26,17 @@ __all__ = [
     "FrictionProvider",
     "InstalledProvider",
     "IntArray",
+    "PairFriction",
     "ProviderError",
     "ProviderOptions",
+    "StatesUncertainty",
     "TileOverlaps",
     "TilePairs",
     "Uniform",
-    "ask_directly",
+    "answered",
     "build",
     "checked_answer",
+    "checked_uncertainty",
     "load",
     "names",
     "tile_overlaps",

@@ -2,26 +2,63 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
 from macrofit.errors import ProviderError
-from macrofit.friction.contract import LIMIT, QUANTITIES, FloatArray, TilePairs
+from macrofit.friction.contract import (
+    LIMIT,
+    QUANTITIES,
+    FloatArray,
+    FrictionProvider,
+    StatesUncertainty,
+    TilePairs,
+)
+
+
+class PairFriction(NamedTuple):
+    """The friction of n pairs of tiles: two arrays of shape (n,)."""
+
+    coefficient: FloatArray
+    """mu [-]."""
+    uncertainty: FloatArray
+    """Its standard deviation [-]; NaN where the provider states none."""
 
 
 def declared_dependence(provider: object, name: str) -> frozenset[str]:
-    """`provider.depends_on`, once the provider is seen to have the two members of the contract.
+    """`provider.depends_on`, once the provider is seen to have the members of the contract.
 
     Raises:
-        ProviderError: no method `coefficients`, or `depends_on` is not a frozenset of known quantities.
+        ProviderError: no method `coefficients`, an `uncertainty` that is no method, or `depends_on` is not a
+            frozenset of known quantities.
     """
     broken = f"friction provider {name!r} breaks the contract"
     if not callable(getattr(provider, "coefficients", None)):
         raise ProviderError(f"{broken}: it has no method coefficients(pairs)")
+    stated = getattr(provider, "uncertainty", None)
+    if stated is not None and not callable(stated):
+        raise ProviderError(f"{broken}: uncertainty is {stated!r}, not a method uncertainty(pairs); rename it")
     declared = getattr(provider, "depends_on", None)
     if not isinstance(declared, frozenset) or not declared <= QUANTITIES:
         choices = ", ".join(sorted(QUANTITIES))
         raise ProviderError(f"{broken}: depends_on is {declared!r}, not a frozenset with members of {{{choices}}}")
     return declared
+
+
+def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFriction:
+    """What `provider` says about `pairs`, each question put to a copy of them, and checked.
+
+    Raises:
+        ProviderError: a bad answer, see `checked_answer` and `checked_uncertainty`.
+        Exception: whatever the provider raises.
+    """
+    every = np.arange(pairs.seat.size)
+    coefficient = checked_answer(provider.coefficients(pairs.take(every)), pairs, name)
+    if not isinstance(provider, StatesUncertainty):
+        return PairFriction(coefficient, np.full(every.size, np.nan))
+    return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.take(every)), pairs, name))
 
 
 def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:
@@ -32,6 +69,26 @@ def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:
             the provider's name, the first offending pair and its value.
     """
     who = f"friction provider {name!r} answered"
+    values = _real_numbers(answer, pairs, who)
+    right = (values >= 0.0) & (values < LIMIT)  # written so that NaN is wrong
+    _refuse(~right, values, pairs, who, f"a coefficient has 0 <= mu < {LIMIT:g}")
+    return values
+
+
+def checked_uncertainty(answer: object, pairs: TilePairs, name: str) -> FloatArray:
+    """The same for standard deviations of the coefficients: finite and >= 0, or NaN where none is stated [-].
+
+    Raises:
+        ProviderError: as `checked_answer`.
+    """
+    who = f"friction provider {name!r} answered, asked for its uncertainty,"
+    values = _real_numbers(answer, pairs, who)
+    wrong = (values < 0.0) | np.isinf(values)
+    _refuse(wrong, values, pairs, who, "a standard deviation is finite and >= 0, or NaN where none is stated")
+    return values
+
+
+def _real_numbers(answer: object, pairs: TilePairs, who: str) -> FloatArray:
     try:
         given = np.asarray(answer)
     except Exception as error:
@@ -40,13 +97,13 @@ def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:
         raise ProviderError(f"{who} with {type(answer).__name__} of {given.dtype}, not with real numbers")
     if given.shape != pairs.seat.shape:
         raise ProviderError(f"{who} with shape {given.shape} to {pairs.seat.size} tile pairs")
-    values = np.array(given, dtype=np.float64)
-    wrong = ~((values >= 0.0) & (values < LIMIT))  # written so that NaN is wrong
+    return np.array(given, dtype=np.float64)
+
+
+def _refuse(wrong: npt.NDArray[np.bool_], values: FloatArray, pairs: TilePairs, who: str, rule: str) -> None:
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ProviderError(
             f"{who} {values[i]} for the pair of seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} "
-            f"(pressure {pairs.pressure[i]:g} MPa, slid {pairs.sliding[i]:g} mm); "
-            f"a coefficient has 0 <= mu < {LIMIT:g}"
+            f"(pressure {pairs.pressure[i]:g} MPa, slid {pairs.sliding[i]:g} mm); {rule}"
         )
-    return values

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import checked_answer, declared_dependence
-from macrofit.friction.contract import QUANTITIES, FloatArray, FrictionProvider, TilePairs
+from macrofit.friction.answer import PairFriction, checked_answer, checked_uncertainty, declared_dependence
+from macrofit.friction.contract import (
+    QUANTITIES,
+    FrictionProvider,
+    IntArray,
+    StatesUncertainty,
+    TilePairs,
+)
 
 BATCH_TOLERANCE = 1e-6
 """How far the make-up of a batch may move a coefficient: the rounding of a single-precision network [-]."""
@@ -36,6 +42,7 @@ def check(
     Checked: `depends_on` is valid and honest (what it does not list changes nothing), an empty batch gets an
     empty answer, shape and bounds, inputs left as they were, the same answer when asked again (to the bit),
     and answers that depend neither on the order of the batch nor on what else is in it (within `tolerance`).
+    Where the provider states its uncertainty, all of this holds for that too.
 
     Args:
         provider: the provider to check; asked about ten batches, and about each pair alone.
@@ -73,31 +80,32 @@ def _random_pairs(rng: np.random.Generator, seat_tiles: int, bore_tiles: int, ba
 def _check_make_up(
     provider: FrictionProvider,
     pairs: TilePairs,
-    answer: FloatArray,
+    answer: PairFriction,
     rng: np.random.Generator,
     tolerance: float,
 ) -> None:
     """Neither the order of a batch nor the company in it may matter."""
     name = type(provider).__name__
-    backwards = np.arange(answer.size)[::-1]
-    for order in (backwards, rng.permutation(answer.size)):
+    size = pairs.seat.size
+    for order in (np.arange(size)[::-1], rng.permutation(size)):
         shuffled = pairs.take(order)
         mixed = _asked(provider, shuffled, "a batch in another order")
-        _same(shuffled, answer[order], mixed, tolerance, f"{name} depends on the order of the batch")
-    alone = [_asked(provider, pairs.take(np.array([i])), "one pair")[0] for i in range(answer.size)]
-    _same(pairs, answer, np.array(alone), tolerance, f"{name} depends on the other pairs of the batch")
+        _same(shuffled, _taken(answer, order), mixed, tolerance, f"{name} depends on the order of the batch")
+    alone = [_asked(provider, pairs.take(np.array([i])), "one pair") for i in range(size)]
+    together = PairFriction(*(np.concatenate(column) for column in zip(*alone, strict=True)))
+    _same(pairs, answer, together, tolerance, f"{name} depends on the other pairs of the batch")
 
 
 def _check_honesty(
     provider: FrictionProvider,
     pairs: TilePairs,
-    answer: FloatArray,
+    answer: PairFriction,
     depends_on: frozenset[str],
     tiles: tuple[int, int],
     rng: np.random.Generator,
 ) -> None:
     """What `depends_on` does not list must change nothing."""
-    other = _random_pairs(rng, *tiles, answer.size)
+    other = _random_pairs(rng, *tiles, pairs.seat.size)
     seat, bore = (pairs.seat + 1) % tiles[0], (pairs.bore + 1) % tiles[1]
     changes = {
         "tiles": [pairs._replace(seat=seat), pairs._replace(bore=bore), pairs._replace(seat=other.seat)],
@@ -111,28 +119,43 @@ def _check_honesty(
             _same(changed, answer, moved, 0.0, rule)
 
 
-def _asked(provider: FrictionProvider, pairs: TilePairs, what: str) -> FloatArray:
-    """The checked answer to a copy of the batch, which must come back as it was."""
+def _asked(provider: FrictionProvider, pairs: TilePairs, what: str) -> PairFriction:
+    """The checked answers to copies of the batch, which must come back as they were."""
     name = type(provider).__name__
-    who = f"{name}, asked about {what},"
+    try:
+        coefficient = checked_answer(_told(provider, "coefficients", pairs, what), pairs, name)
+        if not isinstance(provider, StatesUncertainty):
+            return PairFriction(coefficient, np.full(coefficient.shape, np.nan))
+        return PairFriction(coefficient, checked_uncertainty(_told(provider, "uncertainty", pairs, what), pairs, name))
+    except ConformanceError:
+        raise
+    except ProviderError as error:
+        raise ConformanceError(f"asked about {what}: {error}") from error
+
+
+def _told(provider: FrictionProvider, method: str, pairs: TilePairs, what: str) -> object:
+    who = f"{type(provider).__name__}, asked about {what},"
     given = pairs.take(np.arange(pairs.seat.size))
     try:
-        answer = provider.coefficients(given)
+        answer: object = getattr(provider, method)(given)
     except Exception as error:
         raise ConformanceError(f"{who} raised {type(error).__name__}: {error}") from error
     for field, before, after in zip(TilePairs._fields, pairs, given, strict=True):
         if not np.array_equal(before, after):
             raise ConformanceError(f"{who} modified its input {field!r}")
-    try:
-        return checked_answer(answer, pairs, name)
-    except ProviderError as error:
-        raise ConformanceError(f"asked about {what}: {error}") from error
+    return answer
 
 
-def _same(pairs: TilePairs, expected: FloatArray, found: FloatArray, tolerance: float, rule: str) -> None:
-    difference = np.abs(found - expected)
-    if difference.max(initial=0.0) > tolerance:
-        i = int(np.argmax(difference))
-        raise ConformanceError(
-            f"{rule}: seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} got {expected[i]!r}, then {found[i]!r}"
-        )
+def _taken(answer: PairFriction, order: IntArray) -> PairFriction:
+    return PairFriction(answer.coefficient[order], answer.uncertainty[order])
+
+
+def _same(pairs: TilePairs, expected: PairFriction, found: PairFriction, tolerance: float, rule: str) -> None:
+    for column, before, after in zip(("", " as uncertainty"), expected, found, strict=True):
+        moved = ~((np.abs(after - before) <= tolerance) | (np.isnan(after) & np.isnan(before)))
+        if moved.any():
+            i = int(np.argmax(moved))
+            raise ConformanceError(
+                f"{rule}: seat tile {pairs.seat[i]} and bore tile {pairs.bore[i]} "
+                f"got {before[i]!r}, then {after[i]!r}{column}"
+            )

@@ -7,7 +7,7 @@ table, a discrete model of two rough surfaces, a network) is the provider's own 
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -45,6 +45,7 @@ class FrictionProvider(Protocol):
 
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
+    It may also say how sure it is, see `StatesUncertainty`.
     """
 
     @property
@@ -61,6 +62,18 @@ class FrictionProvider(Protocol):
         ...
 
 
+@runtime_checkable
+class StatesUncertainty(Protocol):
+    """What a provider may have besides: how sure it is of its coefficients."""
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        """The standard deviation of the coefficient of each pair [-], shape (n,), >= 0; NaN where it states none.
+
+        Asked right after `coefficients`, about the same pairs, and as pure; it may depend on no more than they do.
+        """
+        ...
+
+
 class BuildContext(msgspec.Struct, frozen=True, kw_only=True):
     """What a provider may know of the run before it starts."""
 
@@ -70,6 +83,8 @@ class BuildContext(msgspec.Struct, frozen=True, kw_only=True):
     """Number of tiles on the bore."""
     tile_size: float = 1.0
     """Axial length of a tile [mm]."""
+    seat_origin: float = 0.0
+    """Where seat tile 0 starts [mm], on the coordinate that is 0 at the entrance of the seat; below 0 on a taper."""
     youngs_modulus: float
     """Of the axle [MPa]."""
     poisson_ratio: float

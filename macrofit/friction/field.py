@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import checked_answer, declared_dependence
+from macrofit.friction.answer import (
+    PairFriction,
+    answered,
+    checked_answer,
+    checked_uncertainty,
+    declared_dependence,
+)
 from macrofit.friction.contract import FloatArray, FrictionProvider, IntArray, TilePairs
 from macrofit.friction.tiles import TileOverlaps
 
-Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], FloatArray]
-"""How a batch is put to a provider; the solver may share it over MPI ranks."""
+Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], PairFriction]
+"""How a batch is put to a provider; the solver shares it over MPI ranks."""
+
+
+JOURNALED = "friction."
+"""What the names of the field's arrays start with in a journal."""
 
 
 class FieldState(NamedTuple):
-    """The coefficients known so far, for a checkpoint: three arrays of one shape (m,)."""
+    """What is known of m pairs of tiles, for a checkpoint and for files: four arrays of shape (m,)."""
 
     seat: IntArray
     bore: IntArray
     coefficient: FloatArray
-
-
-def ask_directly(provider: FrictionProvider, pairs: TilePairs) -> FloatArray:
-    """The whole batch, in one call."""
-    return provider.coefficients(pairs)
+    """mu [-]; of a provider that depends on pressure or sliding, its latest answer."""
+    uncertainty: FloatArray
+    """Its standard deviation [-]; NaN where the provider states none."""
 
 
 class FrictionField:
@@ -41,13 +49,13 @@ class FrictionField:
 
     A provider that depends on nothing is asked once, for the pair (0, 0), and every facet gets its answer,
     overlap or not. One that depends on tiles alone is asked for new pairs only. Any other is asked for all
-    pairs present.
+    pairs present. Where the provider states its uncertainty, it is asked for that with the coefficients.
 
     Args:
         provider: where the coefficients come from.
         name: what messages call it; its class name if not given.
-        ask: how to put a batch to the provider. Where it is collective, so is `facet_friction`: the same
-            overlaps on all ranks make them ask for the same pairs in the same order.
+        ask: how to put a batch to the provider; by default as it is. Where it is collective, so is `facet_friction`:
+            the same overlaps on all ranks make them ask for the same pairs in the same order.
 
     Raises:
         ProviderError: the provider lacks a member of the contract.
@@ -58,15 +66,16 @@ class FrictionField:
     pairs_asked: int
     """Pairs in those batches."""
 
-    def __init__(self, provider: FrictionProvider, name: str | None = None, ask: Ask = ask_directly) -> None:
+    def __init__(self, provider: FrictionProvider, name: str | None = None, ask: Ask | None = None) -> None:
         self.provider = provider
         self.name = type(provider).__name__ if name is None else name
         self.calls = 0
         self.pairs_asked = 0
-        self._ask = ask
+        self._ask = ask or (lambda provider, pairs: answered(provider, pairs, self.name))
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
-        self._known: FloatArray = np.empty(0)
+        self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
+        self._news: IntArray = np.empty(0, dtype=np.int64)  # keys answered since `take_news`
 
     def facet_friction(self, overlaps: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
         """The coefficient of friction of each facet for the coming increment [-], shape (n_facets,).
@@ -89,35 +98,66 @@ class FrictionField:
             friction = self._present(keys, present, pressure, sliding)
         return _facet_mean(present.facet, present.weight, friction, pressure.size)
 
-    def state(self) -> FieldState:
-        """The coefficients known so far; a field restored from them does not ask for these pairs again."""
-        return FieldState(*_pair(self._keys), self._known.copy())
+    @property
+    def per_pair(self) -> bool:
+        """Whether pairs may differ: the provider depends on something."""
+        return bool(self._depends_on)
 
-    def restore(self, state: FieldState) -> None:
-        """Take over the coefficients of `state` in place of what this field knew.
+    @property
+    def lasting(self) -> bool:
+        """Whether a pair keeps its coefficient for the whole run: the provider depends on tiles at most."""
+        return self._depends_on <= {"tiles"}
+
+    def state(self) -> FieldState:
+        """What is known of all pairs so far; a field restored from it does not ask for them again."""
+        return FieldState(*_pair(self._keys), *self._known.copy())
+
+    def news(self) -> dict[str, FloatArray | IntArray]:
+        """What was answered since this was last called, each pair once, as arrays that a journal adds to its own."""
+        keys, self._news = np.unique(self._news), self._news[:0]
+        state = FieldState(*_pair(keys), *self._known[:, np.searchsorted(self._keys, keys)])
+        return {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
+
+    def recall(self, journal: Iterable[Mapping[str, FloatArray | IntArray]]) -> None:
+        """Take over all `news` of an earlier run, in its order; entries of a journal without any are passed over."""
+        columns = [f"{JOURNALED}{column}" for column in FieldState._fields]
+        told = [entry for entry in journal if all(column in entry for column in columns)]
+        self.restore(*(FieldState(*(entry[column] for column in columns)) for entry in told))  # type: ignore[arg-type]
+
+    def restore(self, *saved: FieldState) -> None:
+        """Take over what is `saved` in place of what this field knew; of a pair saved twice, the later one.
 
         Raises:
             ProviderError: the arrays differ in length or hold no coefficients of friction.
         """
-        seat, bore = np.asarray(state.seat, dtype=np.int64), np.asarray(state.bore, dtype=np.int64)
-        if seat.ndim != 1 or seat.shape != bore.shape:
-            raise ProviderError(f"saved tile pairs have {seat.shape} seat and {bore.shape} bore tiles")
-        unused = np.zeros(seat.size)
-        pairs = TilePairs(seat, bore, unused, unused)
-        saved = checked_answer(state.coefficient, pairs, f"{self.name} (saved)")
-        self._keys, first = np.unique(_key(seat, bore), return_index=True)
-        self._known = saved[first]
+        self._keys, self._known, self._news = self._keys[:0], self._known[:, :0], self._news[:0]
+        for state in saved:
+            seat, bore = np.asarray(state.seat, dtype=np.int64), np.asarray(state.bore, dtype=np.int64)
+            if seat.ndim != 1 or seat.shape != bore.shape:
+                raise ProviderError(f"saved tile pairs have {seat.shape} seat and {bore.shape} bore tiles")
+            unused = np.zeros(seat.size)
+            pairs, who = TilePairs(seat, bore, unused, unused), f"{self.name} (saved)"
+            coefficient = checked_answer(state.coefficient, pairs, who)
+            self._learn(_key(seat, bore), coefficient, checked_uncertainty(state.uncertainty, pairs, who))
 
     def _cached(self, keys: IntArray) -> FloatArray:
         """The coefficient of each key, asking the provider for those not seen yet."""
         new = np.setdiff1d(keys, self._keys) if not self._knows(keys) else keys[:0]
         if new.size:
             unused = np.zeros(new.size)
-            answer = self._asked(TilePairs(*_pair(new), unused, unused))
-            merged = np.concatenate([self._keys, new])
-            order = np.argsort(merged, kind="stable")
-            self._keys, self._known = merged[order], np.concatenate([self._known, answer])[order]
-        return self._known[np.searchsorted(self._keys, keys)]
+            self._asked(TilePairs(*_pair(new), unused, unused))
+        known: FloatArray = self._known[0, np.searchsorted(self._keys, keys)]
+        return known
+
+    def _learn(self, keys: IntArray, coefficient: FloatArray, uncertainty: FloatArray) -> None:
+        """Remember what was said of the keys, in place of what was known of them."""
+        keys, first = np.unique(keys, return_index=True)
+        values = np.stack([coefficient, uncertainty])[:, first]
+        place = np.searchsorted(self._keys, keys)
+        known = np.isin(keys, self._keys[place[place < self._keys.size]])
+        self._known[:, place[known]] = values[:, known]
+        self._keys = np.insert(self._keys, place[~known], keys[~known])
+        self._known = np.insert(self._known, place[~known], values[:, ~known], axis=1)
 
     def _knows(self, keys: IntArray) -> bool:
         if not self._keys.size:
@@ -137,12 +177,11 @@ class FrictionField:
         return friction
 
     def _asked(self, pairs: TilePairs) -> FloatArray:
-        """The provider's checked answer to one batch."""
+        """The provider's checked answer to one batch of distinct pairs, which is remembered."""
         self.calls += 1
         self.pairs_asked += pairs.seat.size
-        private = pairs.take(np.arange(pairs.seat.size))  # a provider that writes into it harms nobody
         try:
-            answer = self._ask(self.provider, private)
+            answer = self._ask(self.provider, pairs)
         except Exception as error:
             if isinstance(error, ProviderError) and repr(self.name) in str(error):
                 raise  # an `ask` shared over ranks has already told it all
@@ -151,7 +190,11 @@ class FrictionField:
                 f"friction provider {self.name!r} failed on {pairs.seat.size} tile pairs, "
                 f"the first of {first}, with {type(error).__name__}: {error}"
             ) from error
-        return checked_answer(answer, pairs, self.name)
+        coefficient = checked_answer(answer.coefficient, pairs, self.name)
+        keys = _key(pairs.seat, pairs.bore)
+        self._learn(keys, coefficient, checked_uncertainty(answer.uncertainty, pairs, self.name))
+        self._news = np.append(self._news, keys)
+        return coefficient
 
 
 def _key(seat: IntArray, bore: IntArray) -> IntArray:

@@ -15,7 +15,11 @@ from macrofit.friction.contract import BuildContext, FrictionProvider, ProviderO
 GROUP = "macrofit.friction"
 """The entry-point group of friction providers."""
 
-BUILT_IN = {"uniform": "macrofit.friction.uniform:Uniform"}
+BUILT_IN = {
+    "uniform": "macrofit.friction.uniform:Uniform",
+    "table": "macrofit.friction.table:Table",
+    "evolving": "macrofit.friction.evolving:Evolving",
+}
 """Providers that need no package metadata. Their names are reserved: no plugin can take them over."""
 
 

@@ -57,7 +57,8 @@ HEADER = (
 
 def run(scene: str, friction: float, gamma0: float, overrides: Sequence[str] = ()) -> Case:
     """Solve one scene; an error of the solver becomes the case's trouble."""
-    changes = [*NO_FIELDS, f"friction.options.coefficient={friction}", f"contact.gamma0={gamma0}", *overrides]
+    uniform = ("friction.provider=uniform", f"friction.options={{coefficient = {friction}}}")
+    changes = [*NO_FIELDS, *uniform, f"contact.gamma0={gamma0}", *overrides]
     started = time.process_time()
     try:
         records = solve(load_scene(scene, changes)).increments

@@ -533,3 +533,21 @@ def test_a_press_fit_on_computed_friction(shared_tmp_path: Path, monkeypatch: py
     assert (alone.force == fit.force).all()
     uniform = solve(small_fit(options={"coefficient": float(np.mean(found))}), MPI.COMM_SELF)
     assert np.abs(fit.force / uniform.force - 1.0).max() < 0.5 * (max(found) / min(found) - 1.0)
+
+
+# Uncertainty
+
+
+@pytest.mark.parametrize("kept", [False, True], ids=["computed each time", "from the cache"])
+def test_its_uncertainty_costs_no_second_run(kept: bool, tmp_path: Path) -> None:
+    provider = made(tmp_path if kept else None)
+    assert provider.uncertainty(asked(*PAIRS).take(np.zeros(0, dtype=np.int64))).size == 0
+    field = FrictionField(provider, "dem")
+    field.facet_friction(tile_overlaps(np.array([0.0]), np.array([1.0]), 1.0, 0.5, 8, 8), np.zeros(1), np.zeros(1))
+    known, runs = field.state(), provider.runs
+    assert runs == known.seat.size == 2
+    expected = [
+        provider.entry(*pair).uncertainty for pair in zip(known.seat.tolist(), known.bore.tolist(), strict=True)
+    ]
+    assert known.uncertainty.tolist() == expected
+    assert min(expected) > 0.0

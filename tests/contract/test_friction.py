@@ -35,6 +35,17 @@ class Provider:
         return self.law(pairs)  # type: ignore[return-value]
 
 
+class Doubtful(Provider):
+    """A provider that states its uncertainty."""
+
+    def __init__(self, doubt: Law, *depends_on: str) -> None:
+        super().__init__(lambda pairs: np.full(pairs.seat.size, 0.1), *depends_on)
+        self.doubt = doubt
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        return self.doubt(pairs)  # type: ignore[return-value]
+
+
 def stripes(pairs: TilePairs) -> FloatArray:
     return 0.1 + 0.01 * pairs.seat + 0.002 * pairs.bore
 
@@ -93,8 +104,19 @@ def float32_noise(pairs: TilePairs) -> FloatArray:
         Provider(heated, "tiles", "pressure", "sliding"),
         Provider(lambda pairs: stripes(pairs).astype(np.float32), "tiles"),
         Provider(float32_noise),
+        Doubtful(lambda pairs: 0.1 * stripes(pairs), "tiles"),
+        Doubtful(lambda pairs: np.where(pairs.seat < 3, np.nan, 0.0), "tiles"),
     ],
-    ids=["uniform", "frictionless", "tiles", "everything", "single precision", "batch rounding"],
+    ids=[
+        "uniform",
+        "frictionless",
+        "tiles",
+        "everything",
+        "single precision",
+        "batch rounding",
+        "doubtful",
+        "in part",
+    ],
 )
 @pytest.mark.parametrize("seed", [0, 1])
 def test_good_providers_pass(provider: Provider, seed: int) -> None:
@@ -125,6 +147,20 @@ def test_good_providers_pass(provider: Provider, seed: int) -> None:
         (Provider(heated, "tiles", "sliding"), "depends on pressure, which"),
         (Provider(heated, "tiles", "pressure"), "depends on sliding, which"),
         (Provider(stripes, "tiles", "weather"), "depends_on is"),
+        (Doubtful(with_one(-0.01), "tiles"), r"uncertainty, -0\.01 for the pair of seat tile 0"),
+        (Doubtful(with_one(np.inf), "tiles"), "uncertainty, inf"),
+        (Doubtful(lambda pairs: np.zeros((pairs.seat.size, 1))), "uncertainty, with shape"),
+        (Doubtful(raising), "raised RuntimeError: the furnace is cold"),
+        (Doubtful(mutating), "modified its input 'pressure'"),
+        (Doubtful(drifting(), "tiles"), "not deterministic.*as uncertainty"),
+        (Doubtful(by_place, "tiles"), "depends on the order.*as uncertainty"),
+        (Doubtful(batch_normalised, "tiles"), "depends on the other pairs.*as uncertainty"),
+        (Doubtful(stripes), "depends on tiles, which.*as uncertainty"),
+        (Doubtful(heated, "tiles", "sliding"), "depends on pressure, which"),
+        (
+            Doubtful(lambda pairs: np.full(pairs.seat.size, np.nan if pairs.seat.size > 5 else 0.1)),
+            "depends on the other pairs",
+        ),
     ],
 )
 def test_broken_providers_are_caught(provider: Provider, rule: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -12,6 +12,8 @@ from macrofit.friction import (
     FieldState,
     FloatArray,
     FrictionField,
+    IntArray,
+    PairFriction,
     TileOverlaps,
     TilePairs,
     Uniform,
@@ -199,7 +201,7 @@ def test_a_restored_field_does_not_ask_again(depends_on: tuple[str, ...]) -> Non
     field = FrictionField(constant)
     expected = field.facet_friction(TWO, PRESSURE, SLIDING)
     known = field.state()
-    saved = FieldState(known.seat[::-1], known.bore[::-1], known.coefficient[::-1])
+    saved = FieldState(*(column[::-1] for column in known))
     resumed = FrictionField(Recorder(law, *depends_on))
     resumed.restore(saved)
     assert resumed.facet_friction(TWO, PRESSURE, SLIDING).tolist() == expected.tolist()
@@ -210,12 +212,119 @@ def test_a_restored_field_does_not_ask_again(depends_on: tuple[str, ...]) -> Non
 
 def test_a_damaged_state_is_refused() -> None:
     field, one = FrictionField(Uniform()), np.zeros(1, dtype=np.int64)
+    good = np.array([0.1])
     with pytest.raises(ProviderError, match="shape"):
-        field.restore(FieldState(one, one, np.array([0.1, 0.2])))
+        field.restore(FieldState(one, one, np.array([0.1, 0.2]), good))
     with pytest.raises(ProviderError, match="nan"):
-        field.restore(FieldState(one, one, np.array([np.nan])))
+        field.restore(FieldState(one, one, np.array([np.nan]), good))
     with pytest.raises(ProviderError, match="bore tiles"):
-        field.restore(FieldState(one, np.zeros(2, dtype=np.int64), np.array([0.1])))
+        field.restore(FieldState(one, np.zeros(2, dtype=np.int64), good, good))
+    with pytest.raises(ProviderError, match=r"saved.*uncertainty.*-0\.1"):
+        field.restore(FieldState(one, one, good, -good))
+
+
+@pytest.mark.parametrize("quantity", ["tiles", "pressure"])
+def test_a_journal_gives_everything_back(quantity: str) -> None:
+    """What is told after each increment, and again after the run goes on, is all that is known."""
+    more = overlaps((0, 0, 3, 1.0), (1, 7, 2, 1.0))
+    field = FrictionField(Doubtful(lambda pairs: law(pairs) + 1e-3 * pairs.pressure, quantity))
+    journal: list[Mapping[str, FloatArray | IntArray]] = []
+    for seen, pressure in ((TWO, PRESSURE), (NONE, PRESSURE), (more, 2.0 * PRESSURE)):
+        field.facet_friction(seen, pressure, SLIDING)
+        journal.append({"displacement": np.zeros(3), **field.news()})
+    sizes = [entry["friction.seat"].size for entry in journal]
+    assert sizes == ([2, 0, 1] if quantity == "tiles" else [2, 0, 2])
+    resumed = FrictionField(Recorder(law, quantity))
+    resumed.recall([{"displacement": np.zeros(3)}, *journal])
+    first = dict(zip(*(column.tolist() for column in field.state()[:3:2]), strict=True))[0]
+    latest = 0.053 + (0.0 if quantity == "tiles" else 0.02)  # at twice the pressure
+    assert first == pytest.approx(latest, rel=1e-12)
+    for before, after in zip(field.state(), resumed.state(), strict=True):
+        assert before.tolist() == after.tolist()
+    assert (resumed.calls, resumed.news()["friction.seat"].size) == (0, 0)
+
+
+# Uncertainty
+
+
+class Doubtful(Recorder):
+    """A provider that states its uncertainty."""
+
+    def __init__(
+        self, law: Callable[[TilePairs], object], *depends_on: str, doubt: Callable[[TilePairs], object] | None = None
+    ) -> None:
+        super().__init__(law, *depends_on)
+        self.doubt = doubt or (lambda pairs: 0.001 * (1.0 + pairs.seat))
+        self.doubted: list[list[int]] = []
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        self.doubted.append(pairs.seat.tolist())
+        return self.doubt(pairs)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("quantity", ["tiles", "sliding"])
+def test_uncertainty_is_asked_with_the_coefficients_and_kept(quantity: str) -> None:
+    provider = Doubtful(law, quantity)
+    field = FrictionField(provider)
+    plain = FrictionField(Recorder(law, quantity))
+    for _ in range(2):
+        found = field.facet_friction(TWO, PRESSURE, SLIDING)
+        assert found.tolist() == plain.facet_friction(TWO, PRESSURE, SLIDING).tolist()
+    assert provider.doubted == [pairs.seat.tolist() for pairs in provider.asked]
+    assert field.calls == plain.calls == len(provider.asked)
+    known = field.state()
+    assert (known.seat.tolist(), known.uncertainty.tolist()) == ([0, 1], [0.001, 0.002])
+    assert np.isnan(plain.state().uncertainty).all()
+    assert plain.state().coefficient.tolist() == known.coefficient.tolist()
+    resumed = FrictionField(Recorder(law, quantity))
+    resumed.restore(known)
+    assert resumed.state().uncertainty.tolist() == [0.001, 0.002]
+
+
+@pytest.mark.parametrize(
+    ("doubt", "told"),
+    [
+        (lambda pairs: np.where(pairs.seat == 1, -0.01, 0.0), r"uncertainty, -0\.01 .* seat tile 1 and bore tile 3"),
+        (lambda pairs: np.where(pairs.seat == 1, np.inf, 0.0), "uncertainty, inf .* seat tile 1"),
+        (lambda pairs: np.zeros(1), r"uncertainty, with shape \(1,\) to 2 tile pairs"),
+        (lambda pairs: None, "uncertainty, with NoneType"),
+        (lambda pairs: 1 / 0, "'sand' failed on 2 tile pairs.*ZeroDivisionError"),
+    ],
+)
+def test_bad_uncertainties_are_refused(doubt: Callable[[TilePairs], object], told: str) -> None:
+    field = FrictionField(Doubtful(law, "tiles", doubt=doubt), name="sand")
+    with pytest.raises(ProviderError, match=f"'sand'.*{told}|{told}"):
+        field.facet_friction(TWO, PRESSURE, SLIDING)
+    assert field.state().coefficient.size == 0
+
+
+def test_a_bad_uncertainty_of_another_way_to_ask_is_refused() -> None:
+    field = FrictionField(Recorder(law, "tiles"), ask=lambda _, pairs: PairFriction(law(pairs), -law(pairs)))
+    with pytest.raises(ProviderError, match="uncertainty"):
+        field.facet_friction(TWO, PRESSURE, SLIDING)
+
+
+def test_the_pairs_are_the_field_s_own() -> None:
+    def scribble(pairs: TilePairs) -> FloatArray:
+        pairs.seat[:] = 99
+        return np.zeros(pairs.seat.size)
+
+    field = FrictionField(Doubtful(law, "tiles", doubt=scribble))
+    field.facet_friction(TWO, PRESSURE, SLIDING)
+    assert field.state().seat.tolist() == [0, 1]
+
+
+def test_an_uncertainty_may_be_stated_for_some_pairs_only() -> None:
+    field = FrictionField(Doubtful(law, "tiles", doubt=lambda pairs: np.where(pairs.seat == 1, np.nan, 0.01)))
+    field.facet_friction(TWO, PRESSURE, SLIDING)
+    np.testing.assert_array_equal(field.state().uncertainty, [0.01, np.nan])
+
+
+def test_an_uncertainty_that_is_no_method_is_refused() -> None:
+    provider = Recorder(law, "tiles")
+    provider.uncertainty = 0.02  # type: ignore[attr-defined]
+    with pytest.raises(ProviderError, match=r"uncertainty is 0\.02, not a method"):
+        FrictionField(provider)
 
 
 # Bad answers
@@ -280,16 +389,18 @@ def test_batches_go_through_the_hook() -> None:
     """A hook that shares the batch out in two halves, as two ranks would."""
     provider, shared = Recorder(law, "tiles"), []
 
-    def halves(asked: object, pairs: TilePairs) -> FloatArray:
+    def halves(asked: object, pairs: TilePairs) -> PairFriction:
         shared.append(pairs.seat.size)
         parts = np.array_split(np.arange(pairs.seat.size), 2)
-        return np.concatenate([provider.coefficients(pairs.take(part)) for part in parts])
+        answer = np.concatenate([provider.coefficients(pairs.take(part)) for part in parts])
+        return PairFriction(answer, 0.1 * answer)
 
     field = FrictionField(provider, ask=halves)
     direct = FrictionField(Recorder(law, "tiles"))
     expected = direct.facet_friction(TWO, PRESSURE, SLIDING)
     assert field.facet_friction(TWO, PRESSURE, SLIDING).tolist() == expected.tolist()
     assert shared == [2]
+    assert field.state().uncertainty.tolist() == (0.1 * field.state().coefficient).tolist()
     assert len(provider.asked) == 2
     assert field.calls == 1
 
@@ -297,7 +408,7 @@ def test_batches_go_through_the_hook() -> None:
 def test_an_error_of_another_rank_keeps_its_sentence() -> None:
     said = "friction provider 'sand' answered nan for the pair of seat tile 7 and bore tile 1"
 
-    def elsewhere(provider: object, pairs: TilePairs) -> FloatArray:
+    def elsewhere(provider: object, pairs: TilePairs) -> PairFriction:
         raise ProviderError(said)
 
     field = FrictionField(Recorder(law, "tiles"), name="sand", ask=elsewhere)

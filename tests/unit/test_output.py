@@ -20,6 +20,7 @@ from macrofit.errors import OutputError
 from macrofit.files import replacing
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.scene import build_scene, load_scene
+from macrofit.solution import PairFrictionMap, Tiling
 from macrofit.stress_plot import _outline, _split
 
 HEADER = (
@@ -351,3 +352,50 @@ def test_curves_of_several_folders_in_one_figure(tmp_path):
     assert target.read_bytes()[:4] == b"\x89PNG"
     with pytest.raises(OutputError, match=r"none.*cannot be read"):
         plots.compare([tmp_path / "none"], target)
+
+
+# A coefficient of friction that varies
+
+
+def with_pairs(uncertainty: float = 0.005, lasting: bool = True):
+    """The fake run with pairs of tiles of 1 mm: those that seat (from -5 mm) and bore (20 mm) face up to 18 mm."""
+    solution = fake_solution()
+    tiling = Tiling(1.0, -5.0, 25, (-20.0, 0.0), 20, True)
+    seat, bore = (axis.ravel() for axis in np.mgrid[0:25, 0:20])
+    met = seat + bore < 23
+    values = 0.05 + 0.002 * seat[met] + 0.001 * bore[met]
+    known = (seat[met], bore[met], values, np.full(values.size, uncertainty))
+    return dataclasses.replace(solution, friction=PairFrictionMap(tiling, *known, lasting))
+
+
+@pytest.mark.parametrize("solution", [with_pairs(), with_pairs(np.nan), with_pairs(lasting=False)])
+def test_the_pairs_are_written_and_drawn(tmp_path, solution):
+    pairs = solution.friction
+    output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments, pairs)
+    with h5py.File(tmp_path / "interface.h5") as file:
+        group = file["pairs"]
+        for name in ("seat", "bore", "coefficient", "uncertainty"):
+            np.testing.assert_array_equal(group[name][()], getattr(pairs, name))
+            assert group[name].attrs["unit"]
+        assert group.attrs["seat_origin_mm"] == -5.0
+        assert (group.attrs["tile_size_mm"], group.attrs["lasting"]) == (1.0, pairs.lasting)
+    assert tmp_path / "friction.png" in plots.write_figures(tmp_path, solution)
+    assert (tmp_path / "friction.png").stat().st_size > 10_000
+    figure = plots.friction(solution, pairs)
+    *rows, drawn = figure.axes[:4]
+    stated = np.isfinite(pairs.uncertainty).any() and pairs.lasting
+    assert [len(axes.patches) for axes in rows] == [2 if stated else 1] * 3  # line, and band
+    image = drawn.images[0].get_array()
+    assert image.shape == (20, 23)
+    assert np.ma.count(image) == pairs.seat.size
+    assert image[4, 7] == 0.05 + 0.002 * 7 + 0.001 * 4
+    assert "[-]" in figure.axes[-1].get_ylabel()
+    assert ("latest" in figure.axes[-1].get_ylabel()) == (not pairs.lasting)
+
+
+def test_a_uniform_run_has_no_pairs(tmp_path):
+    solution = fake_solution()
+    output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments, solution.friction)
+    with h5py.File(tmp_path / "interface.h5") as file:
+        assert "pairs" not in file
+    assert tmp_path / "friction.png" not in plots.write_figures(tmp_path, solution)

@@ -100,6 +100,8 @@ def test_a_split_by_pair_is_a_split_by_seed():
         same = tasks[3 * pair : 3 * pair + 3]
         assert len({task.settings.plates.packing_seed for task in same}) == 3
         assert len({(task.settings.surface, task.settings.contact) for task in same}) == 1
+    few = Design(packings=3, packing_seeds=8)  # two blocks of three
+    assert [few.packing_seed(pair, k) for pair in range(3) for k in range(3)] == [0, 1, 2, 3, 4, 5, 0, 1, 2]
 
 
 def test_fixed_values():

@@ -35,7 +35,7 @@ def made(count: int, seed: int = 0) -> Samples:
     """Pairs of smooth random faces; b is that of a foundation of 3e4 N/mm3, and noise."""
     rng = np.random.default_rng(seed)
     rows = np.zeros(count, HEADER.row())
-    rows["id"] = rows["packing_seed"] = np.arange(count)
+    rows["id"], rows["packing_seed"] = np.arange(count), np.arange(count) // 4
     rows["wheel_seed"], rows["axle_seed"] = np.arange(count) // 2, 1000 + np.arange(count)
     rows["levels"], rows["hurst_exponent"] = 3, rng.uniform(0.5, 1.0, count)
     rows["max_height"] = 0.005 * 8.0 ** rng.random(count)
@@ -96,14 +96,14 @@ def test_a_seed_gives_the_same_bytes_and_leaves_the_global_generator(tmp_path: P
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_surface_is_on_both_sides(seed: int) -> None:
+def test_no_surface_and_no_packing_is_on_both_sides(seed: int) -> None:
     training, validation = split(SAMPLES, seed=seed)
     assert sorted([*training, *validation]) == list(range(len(SAMPLES)))
     assert 0.25 <= len(validation) / len(SAMPLES) <= 0.35
     parts = [(training, validation)]
     parts += [(np.setdiff1d(training, fold), np.intersect1d(training, fold)) for fold in folds(SAMPLES, 4, seed)]
     for left, right in parts:
-        for seeds in (SAMPLES.wheel_seed, SAMPLES.axle_seed):
+        for seeds in (SAMPLES.wheel_seed, SAMPLES.axle_seed, SAMPLES.packing_seed):
             assert not set(seeds[left]) & set(seeds[right])
 
 

@@ -29,6 +29,13 @@ CASES = {
         "motion.displacements=[40, 45, 44.99, 44.9, 44, 46]",
     ),
     "partly covered": ("motion.start=41.3", "motion.travel=47.9", "motion.increment=0.7"),
+    "partly covered under pressure": (
+        "motion.travel=40",
+        "motion.increment=3.3",
+        "wheel.chamfer_length=0",
+        "wheel.chamfer_height=0",
+        "wheel.chamfer_blend=0",
+    ),
 }
 
 

@@ -1,0 +1,203 @@
+"""The force that a field of friction gives: of a constant one, of one along the seat; and how often it is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from small import plain_shaft, small_press
+
+from macrofit.friction import FloatArray, TilePairs
+from macrofit.friction_plot import facet_uncertainty
+from macrofit.scene import Scene
+from macrofit.solution import SLIP, Solution
+from macrofit.solve import solve
+
+MU = 0.11
+
+
+class Counted:
+    """Coefficients by a rule; remembers every batch."""
+
+    def __init__(self, rule: Callable[[TilePairs], FloatArray], *depends_on: str) -> None:
+        self.rule, self.depends_on = rule, frozenset(depends_on)
+        self.batches: list[list[tuple[int, int]]] = []
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        self.batches.append(list(zip(pairs.seat.tolist(), pairs.bore.tolist(), strict=True)))
+        return self.rule(pairs)
+
+
+def constant(pairs: TilePairs) -> FloatArray:
+    return np.full(pairs.seat.size, MU)
+
+
+def rough(pairs: TilePairs) -> FloatArray:
+    return 0.05 + 0.01 * ((7 * pairs.seat + 3 * pairs.bore) % 10)
+
+
+def chosen(provider: str, options: str) -> Scene:
+    return small_press(f"friction.provider={provider}", f"friction.options={options}")
+
+
+@pytest.fixture(scope="module")
+def uniform() -> Solution:
+    return solve(small_press(f"friction.options.coefficient={MU}"), MPI.COMM_SELF)
+
+
+def assert_same_bits(one: Solution, other: Solution) -> None:
+    assert (one.force == other.force).all()
+    for a, b in zip(one.increments, other.increments, strict=True):
+        assert (a.facets.pressure == b.facets.pressure).all()
+        assert (a.facets.friction == b.facets.friction).all()
+        assert a.mean_friction == b.mean_friction
+
+
+ALONG = f"z_mm,coefficient\n-10,{MU}\n30,{MU}\n31.7,{MU}\n200,{MU}\n"
+PAIRS = "seat,bore,coefficient\n" + "".join(f"{k},{j},{MU}\n" for k in range(75) for j in range(75))
+TABLE = "{file='FILE'}"
+EVOLVING = f"{{base='uniform', options={{coefficient={MU}}}, flat_coefficient="
+
+
+@pytest.mark.parametrize(
+    ("provider", "options", "text"),
+    [
+        ("table", TABLE, f"z_mm,coefficient\n7,{MU}\n"),
+        ("table", TABLE, ALONG),
+        ("table", TABLE, PAIRS),
+        ("evolving", EVOLVING + "0.03}", ""),
+        ("evolving", EVOLVING + f"{MU}, work=1e3}}", ""),
+        ("evolving", f"{{base='table', options={TABLE}, flat_coefficient={MU}, work=1e3}}", ALONG),
+    ],
+    ids=["one value", "equal values", "equal pairs", "evolving, off", "evolving to itself", "evolving table"],
+)
+def test_a_constant_of_any_kind_is_uniform_to_the_bit(
+    provider: str, options: str, text: str, uniform: Solution, tmp_path: Path
+) -> None:
+    file = tmp_path / "mu.csv"
+    file.write_text(text)
+    assert_same_bits(solve(chosen(provider, options.replace("FILE", str(file))), MPI.COMM_SELF), uniform)
+
+
+@pytest.mark.parametrize("depends_on", [(), ("tiles",), ("pressure",), ("tiles", "pressure", "sliding")])
+def test_a_third_party_constant_is_uniform_to_the_bit(
+    depends_on: tuple[str, ...], uniform: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    provider = Counted(constant, *depends_on)
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: provider)
+    assert_same_bits(solve(small_press(), MPI.COMM_SELF), uniform)
+    assert provider.batches
+
+
+def test_a_coefficient_that_is_not_constant_is_seen(uniform: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the comparisons above can tell: 1e-12 of the coefficient on one seat tile."""
+    nearly = Counted(lambda pairs: np.where(pairs.seat == 30, MU * (1.0 + 1e-12), MU), "tiles")
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: nearly)
+    solution = solve(small_press(), MPI.COMM_SELF)
+    assert (solution.force != uniform.force).any()
+
+
+def test_the_force_of_a_coefficient_along_the_seat(tmp_path: Path) -> None:
+    """F(s) = 2 pi R int mu(z) p dz to 1e-10, with the run's own pressure and mu from the table.
+
+    On the plain shaft the facets of 1 mm are the tiles, mu is that of the facet's middle, and a facet's pressure is
+    its mean over the part that the ring covers: the integral is a sum. Everything slides. The pushing force has an
+    elastic part besides, which facets in part covered leave: below 1e-4.
+    """
+    file = tmp_path / "mu.csv"
+    file.write_text("z_mm,coefficient\n0,0.06\n25,0.16\n60,0.1\n")
+    solution = solve(plain_shaft("table", file=str(file)), MPI.COMM_SELF)
+    middle = 0.5 * (solution.seat[1:] + solution.seat[:-1])
+    mu = np.interp(middle, [0.0, 25.0, 60.0], [0.06, 0.16, 0.1])
+    for record in solution.increments[1:]:
+        held = record.facets.pressure > 0.0
+        assert (record.facets.status[held] == SLIP).all()
+        ends = np.clip(solution.seat, record.displacement - 30.0, record.displacement)
+        force = 2.0 * math.pi * 50.0 * float(np.sum(mu * record.facets.pressure * np.diff(ends)))
+        assert record.friction_force == pytest.approx(force, rel=1e-10)
+        assert record.force == pytest.approx(force, rel=1e-4)
+    assert np.ptp([record.mean_friction for record in solution.increments[1:]]) > 0.005
+
+
+def test_new_pairs_only_are_asked_in_one_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second increment of a place asks for nothing; no pair is asked twice; at most one batch for an increment."""
+    provider = Counted(rough, "tiles")
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: provider)
+    scene = small_press("motion={displacements=[40, 45, 50, 45, 50, 55]}")
+    sizes: list[int] = []
+
+    class Watch:
+        def started(self, *_: object) -> None: ...
+
+        def increment(self, record: object) -> None:
+            sizes.append(len(provider.batches))
+
+        def finished(self) -> None: ...
+
+    solution = solve(scene, MPI.COMM_SELF, Watch())
+    assert sizes == [1, 2, 3, 3, 3, 4]
+    asked = [pair for batch in provider.batches for pair in batch]
+    assert len(asked) == len(set(asked)) == solution.counters["pairs_asked"]
+    assert solution.counters["provider_calls"] == 4
+    assert solution.friction is not None
+    assert sorted(asked) == list(zip(solution.friction.seat.tolist(), solution.friction.bore.tolist(), strict=True))
+
+
+class Memory:
+    """A journal in memory that can be cut short."""
+
+    def __init__(self, kept: list[Any]) -> None:
+        self.kept = kept
+
+    def records(self) -> list[Any]:
+        return list(self.kept)
+
+    def append(self, record: object, state: dict[str, Any]) -> None:
+        self.kept.append((record, {name: array.copy() for name, array in state.items()}))
+
+
+def test_a_resumed_run_asks_for_new_pairs_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the journal knows is not asked again, and the run is the uninterrupted one."""
+    whole, first, rest = Memory([]), Counted(rough, "tiles"), Counted(rough, "tiles")
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: first)
+    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole)
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: rest)
+    resumed = solve(small_press(), MPI.COMM_SELF, journal=Memory(whole.kept[:6]))
+    assert_same_bits(uninterrupted, resumed)
+    assert rest.batches == first.batches[6:]
+    assert uninterrupted.friction is not None
+    assert resumed.friction is not None
+    for name in ("seat", "bore", "coefficient"):
+        assert (getattr(uninterrupted.friction, name) == getattr(resumed.friction, name)).all()
+
+
+def test_a_journal_without_pairs_still_resumes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of an earlier version: its pairs are asked again."""
+    whole = Memory([])
+    monkeypatch.setattr("macrofit.assembly.build", lambda *_: Counted(rough, "tiles"))
+    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole)
+    old = [
+        (record, {name: values for name, values in state.items() if not name.startswith("friction.")})
+        for record, state in whole.kept[:6]
+    ]
+    assert_same_bits(uninterrupted, solve(small_press(), MPI.COMM_SELF, journal=Memory(old)))
+
+
+def test_the_uncertainty_of_a_facet(tmp_path: Path) -> None:
+    """Independent pairs: sqrt(sum (w s)^2) / sum w. At 36.7 mm a facet of 1 mm faces pairs over 0.7 and 0.3 mm."""
+    file = tmp_path / "mu.csv"
+    rows = [f"{k},{j},0.1,{0.01 if (k + j) % 2 else 0.03}" for k in range(60) for j in range(31)]
+    file.write_text("\n".join(["seat,bore,coefficient,uncertainty", *rows]))
+    solution = solve(plain_shaft("table", file=str(file)), MPI.COMM_SELF)
+    assert solution.friction is not None
+    spread = facet_uncertainty(solution, solution.friction, 36.7)
+    # facet k covers [k, k + 1]; tile j = 35 - k faces [k + 0.7, k + 1], with k + j odd, tile 36 - k the rest
+    expected = math.hypot(0.3 * 0.01, 0.7 * 0.03)
+    np.testing.assert_allclose(spread[7:36], expected, rtol=1e-9)
+    assert np.isnan(spread[:6]).all()
+    assert np.isnan(spread[37:]).all()
