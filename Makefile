@@ -28,18 +28,21 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-test system demo test lint clean
+.PHONY: help setup setup-network setup-test system demo test lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
 
 setup: .venv/.stamp-base ## install what is missing and build .venv (no torch)
 
-setup-test: .venv/.stamp-test ## the same, with torch and the development tools
+setup-network: .venv/.stamp-network ## the same, with torch for the network
 
-demo: setup ## press the built-in wheelset and say where the figures are
-	$(BIN)/macrofit run wheelset -o demo
-	@echo "The figures are:" && ls -1 demo/*.png
+setup-test: .venv/.stamp-test ## the same, with the development tools too
+
+demo: setup-network ## press the built-in wheelset, on uniform and on rough friction, and say where the figures are
+	$(BIN)/macrofit study wheelset --set friction.provider=surrogate --vary friction.options.micro_friction=0.07 \
+	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo
+	@echo "The figures are:" && ls -1 demo/*.png demo/runs/*/*.png
 
 test: setup-test ## serial tests, then the MPI ones on two ranks
 	$(BIN)/python -m pytest --durations=10
@@ -78,6 +81,10 @@ system:
 	$(PYTHON) -m venv --system-site-packages .venv
 	$(PIP) install -c constraints.txt setuptools
 	$(PIP) install -c constraints.txt --no-build-isolation -e .
+	@touch $@
+
+.venv/.stamp-network: .venv/.stamp-base
+	$(PIP) install -c constraints.txt --no-build-isolation -e '.[surrogate]'
 	@touch $@
 
 .venv/.stamp-test: .venv/.stamp-base

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -197,6 +198,7 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+    warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
     try:
         yield
     except MacrofitError as error:  # raised on every rank together

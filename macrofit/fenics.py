@@ -26,6 +26,8 @@ from petsc4py import PETSc
 from .geometry import FloatArray
 from .mesh import IntArray, MeshData
 
+logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log, with their place in the code
+
 WeakForm = Callable[[Any, Any, Any, Any], Any]
 
 
