@@ -69,7 +69,14 @@ class Energy(nn.Module):
         self.widening: Tensor
         self.lost: Tensor
 
-    def prepare(self, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
+    def prepare(
+        self,
+        wheels: Tensor,
+        axles: Tensor,
+        wheel: Tensor,
+        axle: Tensor,
+        uneven: tuple[Tensor, Tensor] | None = None,
+    ) -> tuple[Tensor, Tensor]:
         """Slopes of the foundations (pairs, K) and even features (pairs, F): all that is needed of the faces.
 
         Args:
@@ -77,14 +84,16 @@ class Energy(nn.Module):
             axles: (axles, 2 n + 1, n + 1).
             wheel: which of them is in each pair, (pairs,).
             axle: (pairs,).
+            uneven: `roughness` of each of the wheels and of the axles, where it is known.
         """
-        uneven, uneven_axle = (torch.stack([roughness(face) for face in faces]) for faces in (wheels, axles))
+        if uneven is None:
+            uneven = torch.stack([*map(roughness, wheels)]), torch.stack([*map(roughness, axles)])
         slopes, features = [], []
         for w, x in zip(chunks(wheel, CHUNK), chunks(axle, CHUNK), strict=True):
             count = len(w)
             w, x = (torch.cat([which, which.new_zeros(CHUNK - count)]) for which in (w, x))
             slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x))
-            both = (uneven.index_select(0, w).square() + uneven_axle.index_select(0, x).square()).sqrt()
+            both = (uneven[0].index_select(0, w).square() + uneven[1].index_select(0, x).square()).sqrt()
             slopes.append(slide.b[:count])
             features.append(torch.cat([both, slide.load, slide.depth, slide.least], dim=1)[:count])
         return torch.cat(slopes), torch.cat(features)
@@ -119,9 +128,18 @@ class Energy(nn.Module):
 
         Exactly affine in the micro coefficient, in the precision of `micro`.
         """
+        return self.at(self.laws(slopes, features), micro)
+
+    def laws(self, slopes: Tensor, features: Tensor) -> Tensor:
+        """`law` with a row for each pair, (pairs, 3, members)."""
+        parts = zip(*(chunks(part, LAW) for part in (slopes, features)), strict=True)
+        return torch.cat([torch.stack(self.law(s, f)).permute(2, 0, 1) for s, f in parts])
+
+    def at(self, laws: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """What `laws` give at micro coefficients: mean and spread as in `gathered`."""
         means, spreads = [], []
-        for s, f, m in zip(*(chunks(part, LAW) for part in (slopes, features, micro)), strict=True):
-            a, b, spread = self.law(s, f)
+        for rows, m in zip(*(chunks(part, LAW) for part in (laws, micro)), strict=True):
+            a, b, spread = rows.permute(1, 2, 0).contiguous()  # (M, P) each
             a_mean, b_mean = average(a), average(b)  # (P,)
             apart = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
             means.append(a_mean[:, None] * m + b_mean[:, None])

@@ -79,23 +79,41 @@ class Predictor:
         n = self.provenance.points - 1
         self._check("wheel", wheels, (n + 1, n + 1))
         self._check("axle", axles, (2 * n + 1, n + 1))
-        friction = np.broadcast_to(np.asarray(micro, dtype=np.float64), wheel.shape)
-        if not np.isfinite(friction).all():
-            raise PredictionError("a micro coefficient is not finite")
+        micros = self._micros(micro, len(wheel))
         wheel_faces, axle_faces = (
             torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)) for heights in (wheels, axles)
         )
         first, second = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
-        micros = torch.from_numpy(friction.copy())[:, None]  # in double precision: the answer is affine in it
         with torch.inference_mode():
             if isinstance(self.model, Energy):
                 slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
-                mean, spread = self.model.gathered(slopes, features, micros)
-                held = self.model.holds(features)
-            else:
-                mean, spread = self._one_by_one(self.model, wheel_faces, axle_faces, first, second, micros)
-                held = torch.ones(len(wheel), dtype=torch.bool)
-        return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), held.numpy())
+                return self.answer(self.model.laws(slopes, features), self.model.holds(features), micro)
+            mean, spread = self._one_by_one(self.model, wheel_faces, axle_faces, first, second, micros)
+        return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
+
+    def answer(self, laws: Tensor, held: Tensor, micro: float | FloatArray) -> Prediction:
+        """The coefficients of pairs whose laws are known; the same bits as from their faces.
+
+        Args:
+            laws: of a network `energy`, from its `laws` (pairs, 3, members).
+            held: from its `holds` (pairs,).
+            micro: micro coefficients [-], (pairs,) or one for all.
+
+        Raises:
+            PredictionError: a micro coefficient that is not finite.
+        """
+        assert isinstance(self.model, Energy)
+        micros = self._micros(micro, len(laws))
+        with torch.inference_mode():
+            return _prediction(*self.model.at(laws, micros), held)
+
+    @staticmethod
+    def _micros(micro: float | FloatArray, pairs: int) -> Tensor:
+        """Micro coefficients (pairs, 1), in double precision: the answer is affine in them."""
+        given = np.asarray(micro, dtype=np.float64)
+        if not np.isfinite(given).all():
+            raise PredictionError("a micro coefficient is not finite")
+        return torch.from_numpy(np.broadcast_to(given, pairs).copy())[:, None]
 
     @staticmethod
     def _one_by_one(
@@ -117,3 +135,8 @@ class Predictor:
         if not np.isfinite(heights).all():
             which = int(np.argwhere(~np.isfinite(heights).all(axis=(1, 2)))[0, 0])
             raise PredictionError(f"surface {which} of the {name} has heights that are not finite")
+
+
+def _prediction(mean: Tensor, spread: Tensor, held: Tensor) -> Prediction:
+    """Of columns (pairs, 1)."""
+    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), held.numpy())

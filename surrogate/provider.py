@@ -40,11 +40,11 @@ from meso.errors import SettingsError
 from meso.surface import LEVELS, Body, tile_seed
 
 from .errors import SurrogateError
-from .faces import HeightArray, generated
+from .faces import HeightArray
 
 if TYPE_CHECKING:
-    from .predict import Predictor
     from .samples import Plates
+    from .tiles import Tiles
 
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
@@ -53,8 +53,6 @@ YOUNGS_MODULUS_SLACK = 0.03
 POISSON_RATIO_SLACK = 0.005
 LARGEST = math.nextafter(2.0, 0.0)
 """Of the coefficients that the contract accepts [-]."""
-HELD_SURFACES = 2000
-"""Surfaces kept in memory, 9 kB each of an axle and 4 kB of a wheel: those of 1000 tiles of each body."""
 
 
 class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -115,7 +113,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             ProviderError: torch or safetensors are missing, there is no such model, or the network has not seen such
                 inputs and `fallback` is "error"; or it is "dem", and that provider cannot be built.
         """
-        predictor, foreign = self._network(context)
+        tiles, foreign = self._tiles(context)
         if foreign:
             told = f"the network has not seen such inputs: {'; '.join(foreign)}"
             if self.fallback == "error":
@@ -128,31 +126,31 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 return self._dem(context)
             warnings.warn(f"friction provider 'surrogate': {told}; it is asked nevertheless", stacklevel=2)
         instead = functools.cache(lambda: self._dem(context)) if self.fallback == "dem" else None
-        return TileNetwork(predictor, self, trusted=not foreign, instead=instead)
+        return TileNetwork(tiles, self, trusted=not foreign, instead=instead)
 
-    def _network(self, context: BuildContext) -> tuple[Predictor, list[str]]:
-        """The network, and which of the inputs it has not seen, in words."""
+    def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
+        """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
             from .checkpoint import outside
-            from .predict import Predictor
+            from .tiles import predictor, shared
         except ImportError as error:
             raise ProviderError(
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
         try:
-            predictor = Predictor(None if self.model is None else Path(self.model).expanduser())
+            network = predictor(None if self.model is None else Path(self.model).expanduser())
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
-        if predictor.provenance.faces != "generated":
+        if network.provenance.faces != "generated":
             raise ProviderError(
                 f"friction.options.model: {self.model} was trained on envelopes of spheres, which tiles do not have; "
                 "take one trained on the surfaces as generated"
             )
-        foreign = outside(
-            predictor.provenance, micro_friction=self.micro_friction, **msgspec.structs.asdict(self.surface)
-        )
-        return predictor, foreign + _other_plates(context, predictor.provenance.plates)
+        surface = msgspec.structs.asdict(self.surface)
+        foreign = outside(network.provenance, micro_friction=self.micro_friction, **surface)
+        foreign += _other_plates(context, network.provenance.plates)
+        return shared(network, self.seed, tuple(surface.items()), (context.seat_tiles, context.bore_tiles)), foreign
 
     def _dem(self, context: BuildContext) -> FrictionProvider:
         """The provider `dem` on the same surfaces."""
@@ -195,8 +193,8 @@ class TileNetwork:
     to the last batch are kept.
 
     Args:
-        predictor: the network.
-        options: micro coefficient, seed and surfaces.
+        tiles: of both bodies, with the network.
+        options: micro coefficient; seed and surfaces are those of `tiles`.
         trusted: the network has seen such inputs.
         instead: gives the provider to ask about pairs that are predicted to lose contact; None: the network answers.
     """
@@ -212,17 +210,16 @@ class TileNetwork:
 
     def __init__(
         self,
-        predictor: Predictor,
+        tiles: Tiles,
         options: Surrogate,
         *,
         trusted: bool = True,
         instead: Callable[[], FrictionProvider] | None = None,
     ) -> None:
-        self.predictor, self.options, self.trusted = predictor, options, trusted
+        self.tiles, self.options, self.trusted = tiles, options, trusted
         self.clipped = self.out_of_range = self.unheld = 0
         self._instead = instead
         self._last: _Answer | None = None
-        self._face = functools.lru_cache(HELD_SURFACES)(self._made)
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -252,7 +249,10 @@ class TileNetwork:
         Raises:
             ProviderError: there is no such tile.
         """
-        return self._face(body, tile)
+        try:
+            return self.tiles.heights(body, tile)
+        except SurrogateError as error:
+            raise ProviderError(f"friction provider 'surrogate': {error}") from error
 
     def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
@@ -260,25 +260,24 @@ class TileNetwork:
         bores, bore = np.unique(pairs.bore, return_inverse=True)
         distinct, which = np.unique(seat * bores.size + bore, return_inverse=True)
         axle, wheel = np.divmod(distinct, max(1, bores.size))
+        seat, bore = seats[axle], bores[wheel]
         last = self._last
-        if last is None or not (np.array_equal(last.seat, seats[axle]) and np.array_equal(last.bore, bores[wheel])):
-            self._last = last = self._predicted(seats, bores, axle, wheel)
+        if last is None or not (np.array_equal(last.seat, seat) and np.array_equal(last.bore, bore)):
+            self._last = last = self._predicted(seat, bore)
         return last, which
 
-    def _predicted(self, seats: IntArray, bores: IntArray, axle: IntArray, wheel: IntArray) -> _Answer:
-        """The answers to the pairs of seats[axle] and bores[wheel]."""
-        if not axle.size:
-            return _Answer(seats, bores, np.empty(0), np.empty(0))
-        axles = np.stack([self._face("axle", tile) for tile in seats.tolist()])
-        wheels = np.stack([self._face("wheel", tile) for tile in bores.tolist()])
+    def _predicted(self, seat: IntArray, bore: IntArray) -> _Answer:
+        """The answers to distinct pairs."""
+        if not seat.size:
+            return _Answer(seat, bore, np.empty(0), np.empty(0))
         try:
-            prediction = self.predictor(wheels, axles, wheel, axle, self.options.micro_friction)
+            prediction = self.tiles.predict(seat, bore, self.options.micro_friction)
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
-        answer = _Answer(seats[axle], bores[wheel], np.array(prediction.mean), np.array(prediction.spread))
+        answer = _Answer(seat, bore, np.array(prediction.mean), np.array(prediction.spread))
         self._replace(answer, np.flatnonzero(~prediction.held))
         self._bound(answer)
-        self.out_of_range += 0 if self.trusted else axle.size
+        self.out_of_range += 0 if self.trusted else seat.size
         return answer
 
     def _replace(self, answer: _Answer, lost: IntArray) -> None:
@@ -301,16 +300,6 @@ class TileNetwork:
             )
         self.clipped += wrong.size
         np.clip(answer.mean, 0.0, LARGEST, out=answer.mean)
-
-    def _made(self, body: Body, tile: int) -> HeightArray:
-        try:
-            seed = tile_seed(self.options.seed, tile)
-        except SettingsError as error:
-            raise ProviderError(f"friction provider 'surrogate': {error}") from None
-        surface = msgspec.structs.asdict(self.options.surface)
-        heights = generated(body, seed, **surface, points=self.predictor.provenance.points)
-        heights.setflags(write=False)
-        return heights
 
 
 def _other_plates(context: BuildContext, plates: Plates) -> list[str]:

@@ -1,4 +1,4 @@
-"""The tiles of a press-fit: their faces, made once, and what the network needs to know of their pairs.
+"""The tiles of a press-fit: their faces, made once, and what the network makes of their pairs.
 
 Only the last step of a prediction depends on the micro coefficient, and it is cheap. What comes before it is kept for
 each pair, for as long as a provider of the same surfaces and network lives or is the last one that was built: a study
@@ -8,40 +8,41 @@ over micro coefficients prepares its pairs once.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
-from typing import NamedTuple, TypeAlias
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from meso.surface import Body, tile_seed
+from meso.surface import TILES, Body, tile_seed
 
+from .errors import PredictionError
 from .faces import HeightArray, generated
-from .model import Energy, roughness
+from .model import CHUNK, Energy, roughness
 from .predict import Prediction, Predictor
+from .shipped import NETWORK
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+Keys: TypeAlias = tuple[tuple[str, float], ...]
+"""Keys of Diamond-Square with their values."""
 
 AHEAD = 4
-"""Bore tiles ahead of a pair that are prepared with it: the wheel moves on, and few pairs at a time are dear."""
-
-
-class Prepared(NamedTuple):
-    """What `Energy.prepare` found for pairs: slopes (pairs, K) and features (pairs, F)."""
-
-    slopes: Tensor
-    features: Tensor
+"""Tiles ahead of a pair that are looked at for more pairs."""
 
 
 class Tiles:
     """Faces of all tiles of both bodies, and their pairs.
 
+    Foundations are computed `CHUNK` pairs at a time, however few are asked for. Places that are left in the last
+    chunk go to the pairs that will follow as the wheel moves on, nearest first; so they cost nothing if they do not.
+
     Args:
         predictor: the network.
         seed: chooses all surfaces; see `meso.surface.tile_seed`.
-        surface: keys of Diamond-Square.
+        surface: levels, max_height and hurst_exponent.
         counts: number of tiles of the seat and of the bore.
     """
 
@@ -50,82 +51,113 @@ class Tiles:
     prepared: int
     """Pairs whose foundations were computed so far, those ahead included."""
 
-    def __init__(
-        self, predictor: Predictor, seed: int, surface: tuple[tuple[str, float], ...], counts: tuple[int, int]
-    ) -> None:
-        self.predictor, self.seed, self.surface, self.counts = predictor, seed, dict(surface), counts
+    def __init__(self, predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> None:
+        self.predictor, self.seed, self.surface = predictor, seed, dict(surface)
+        self.counts = min(counts[0], TILES), min(counts[1], TILES)
         self.faces = self.prepared = 0
         n = predictor.provenance.points - 1
-        self._sides = {
-            "axle": _Side(counts[0], (2 * n + 1, n + 1)),
-            "wheel": _Side(counts[1], (n + 1, n + 1)),
+        self._sides: dict[Body, _Side] = {
+            "axle": _Side(self.counts[0], (2 * n + 1, n + 1)),
+            "wheel": _Side(self.counts[1], (n + 1, n + 1)),
         }
-        self._place = np.full(counts, -1, dtype=np.int64)  # of a pair among the known
-        self._known = Prepared(torch.empty(0, 0), torch.empty(0, 0))
+        self._row = np.full(self.counts, -1, dtype=np.int32)  # of a pair, below
+        members = len(predictor.model.first) if isinstance(predictor.model, Energy) else 0
+        self._laws = torch.empty(0, 3, members)  # with room for more pairs
+        self._held = torch.empty(0, dtype=torch.bool)
 
     def predict(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
-        """The coefficients of pairs of tiles.
+        """The coefficients of pairs of tiles, as the network gives them for their faces, to the bit.
 
         Raises:
-            SettingsError: there is no such tile.
-            PredictionError: surfaces that cannot be made.
+            PredictionError: there is no such tile, its surface cannot be made, or a micro coefficient is not finite.
         """
-        if not isinstance(self.predictor.model, Energy):
-            wheels, axles = self._face("wheel", np.unique(bore)), self._face("axle", np.unique(seat))
-            return self.predictor(wheels.heights.numpy(), axles.heights.numpy(), bore, seat, micro)
-        self._check(seat, bore)
+        self._check("axle", seat)
+        self._check("wheel", bore)
+        model = self.predictor.model
+        if not isinstance(model, Energy):
+            return self._whole(seat, bore, micro)
         with torch.inference_mode():
-            if bool((self._place[seat, bore] < 0).any()):
-                self._prepare(self.predictor.model, seat, bore)
-            rows = torch.from_numpy(self._place[seat, bore])
-            slopes, features = (part.index_select(0, rows) for part in self._known)
-            return self.predictor.answer(slopes, features, np.full(len(seat), micro))
+            rows = self._row[seat, bore]
+            if rows.min(initial=0) < 0:
+                self._prepare(model, *self._wanted(seat, bore, rows < 0))
+                rows = self._row[seat, bore]
+            which = torch.from_numpy(rows)
+            return self.predictor.answer(self._laws.index_select(0, which), self._held.index_select(0, which), micro)
 
     def heights(self, body: Body, tile: int) -> HeightArray:
-        """The rough face of a tile as the network takes it [mm]."""
+        """The rough face of a tile as the network takes it [mm], read-only.
+
+        Raises:
+            PredictionError: as `predict`.
+        """
         which = np.array([tile], dtype=np.int64)
-        self._check(which if body == "axle" else which[:0], which if body == "wheel" else which[:0])
-        return np.asarray(self._face(body, which).heights[tile].numpy())
+        self._check(body, which)
+        face: HeightArray = self._side(body, which).heights[tile].numpy()
+        face.setflags(write=False)
+        return face
+
+    def _whole(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
+        """From the faces: a network of another architecture has no step that could be kept."""
+        (seats, axle), (bores, wheel) = (np.unique(tiles, return_inverse=True) for tiles in (seat, bore))
+        wheels = self._side("wheel", bores).heights.numpy()[bores]
+        axles = self._side("axle", seats).heights.numpy()[seats]
+        return self.predictor(wheels, axles, wheel, axle, micro)
+
+    def _wanted(self, seat: IntArray, bore: IntArray, new: BoolArray) -> tuple[IntArray, IntArray]:
+        """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
+        keys = np.unique(seat[new] * self.counts[1] + bore[new])
+        for step in range(1, AHEAD + 1):
+            room = -len(keys) % CHUNK
+            if not room:
+                break
+            # the bore comes on by a tile, and its end reaches another tile of the seat
+            seats, bores = np.concatenate([seat, seat + step]), np.concatenate([bore + step, bore])
+            there = (seats < self.counts[0]) & (bores < self.counts[1])
+            seats, bores = seats[there], bores[there]
+            unknown = self._row[seats, bores] < 0
+            more = np.setdiff1d(seats[unknown] * self.counts[1] + bores[unknown], keys)
+            keys = np.concatenate([keys, more[:room]])
+        seats, bores = np.divmod(keys, self.counts[1])
+        return seats, bores
 
     def _prepare(self, model: Energy, seat: IntArray, bore: IntArray) -> None:
-        """Add the pairs that are not known yet, and those that will follow them as the wheel moves on."""
-        seats = np.repeat(seat, AHEAD + 1)
-        bores = (bore[:, None] + np.arange(AHEAD + 1)).ravel()
-        there = bores < self.counts[1]
-        keys = np.unique(seats[there] * self.counts[1] + bores[there])
-        seats, bores = np.divmod(keys, self.counts[1])
-        new = self._place[seats, bores] < 0
-        seats, bores = seats[new], bores[new]
-        wheels, axles = self._face("wheel", np.unique(bores)), self._face("axle", np.unique(seats))
-        found = model.prepare(
-            wheels.heights, axles.heights, *(torch.from_numpy(of) for of in (bores, seats)),
+        """Add pairs."""
+        wheels, axles = self._side("wheel", bore), self._side("axle", seat)
+        slopes, features = model.prepare(
+            wheels.heights,
+            axles.heights,
+            torch.from_numpy(bore),
+            torch.from_numpy(seat),
             uneven=(wheels.roughness, axles.roughness),
-        )  # fmt: skip
-        self._place[seats, bores] = self.prepared + np.arange(len(seats))
-        old = self._known if self.prepared else Prepared(*(part[:0] for part in found))
-        self._known = Prepared(*(torch.cat(both) for both in zip(old, found, strict=True)))
-        self.prepared += len(seats)
+        )
+        old, new = self.prepared, self.prepared + len(seat)
+        self._laws, self._held = _with_room(self._laws, old, new), _with_room(self._held, old, new)
+        self._laws[old:new], self._held[old:new] = model.laws(slopes, features), model.holds(features)
+        self._row[seat, bore] = np.arange(old, new)
+        self.prepared = new
 
-    def _face(self, body: Body, tiles: Iterable[int]) -> _Side:
-        """The side of a body, with these of its faces made."""
+    def _side(self, body: Body, tiles: IntArray) -> _Side:
+        """The faces of a body, these made."""
         side = self._sides[body]
-        for tile in np.asarray(tiles)[~side.made[tiles]].tolist():
-            face = torch.from_numpy(
-                generated(
-                    body, tile_seed(self.seed, tile), **self.surface, points=self.predictor.provenance.points
-                )  # type: ignore[arg-type]
+        for tile in np.unique(tiles[~side.made[tiles]]).tolist():
+            heights = generated(
+                body,
+                tile_seed(self.seed, tile),
+                **self.surface,  # type: ignore[arg-type]
+                points=self.predictor.provenance.points,
             )
-            side.heights[tile], side.roughness[tile], side.made[tile] = face, roughness(face), True
+            side.heights[tile] = torch.from_numpy(heights)
+            side.roughness[tile] = roughness(side.heights[tile])
+            side.made[tile] = True
             self.faces += 1
         return side
 
-    def _check(self, seat: IntArray, bore: IntArray) -> None:
-        """A tile beyond the count of its body is an error that names it, and never another tile."""
-        for tiles, count in ((seat, self.counts[0]), (bore, self.counts[1])):
-            bad = (tiles < 0) | (tiles >= count)
-            if bad.any():
-                tile_seed(self.seed, int(tiles[bad][0]))  # says it, where no run has such a tile
-                raise IndexError(f"there is no tile {int(tiles[bad][0])}; they are numbered 0 ... {count - 1}")
+    def _check(self, body: Body, tiles: IntArray) -> None:
+        """A tile beyond those of its body is an error that names it, and never another tile."""
+        count = self.counts[0 if body == "axle" else 1]
+        if len(tiles) and not 0 <= tiles.min() <= tiles.max() < count:
+            wrong = tiles[(tiles < 0) | (tiles >= count)][0]
+            raise PredictionError(f"there is no tile {wrong} of the {body}; they are numbered 0 ... {count - 1}")
 
 
 class _Side:
@@ -135,3 +167,37 @@ class _Side:
         self.heights = torch.zeros(count, *shape)
         self.roughness = torch.zeros(count, 2)
         self.made = np.zeros(count, dtype=np.bool_)
+
+
+def _with_room(rows: Tensor, old: int, new: int) -> Tensor:
+    """The first `old` rows, in a table for `new` of them; it doubles, so that few rows are moved."""
+    if new <= len(rows):
+        return rows
+    larger = rows.new_empty(max(new, 2 * len(rows)), *rows.shape[1:])
+    larger[:old] = rows[:old]
+    return larger
+
+
+def predictor(path: Path | None) -> Predictor:
+    """The network of a file, or the shipped one; read again only if it is another file than last time.
+
+    Raises:
+        CheckpointError: as `Predictor`.
+    """
+    path = NETWORK if path is None else path
+    try:
+        about = path.stat()
+    except OSError:
+        return Predictor(path)  # says it
+    return _predictor(path, (about.st_dev, about.st_ino, about.st_mtime_ns, about.st_size))
+
+
+@functools.lru_cache(maxsize=1)
+def _predictor(path: Path, about: tuple[int, ...]) -> Predictor:
+    return Predictor(path)
+
+
+@functools.lru_cache(maxsize=1)
+def shared(predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> Tiles:
+    """`Tiles` of these arguments: the same as last time if they are."""
+    return Tiles(predictor, seed, surface, counts)

@@ -90,16 +90,14 @@ def answers(provider: Any, *pairs: tuple[int, int]) -> list[float]:
 
 
 class Fake:
-    """A network that answers every batch alike, and remembers how many pairs it had."""
-
-    provenance = SimpleNamespace(points=9)
+    """Tiles that answer every batch alike, and remember how many pairs it had."""
 
     def __init__(self, mean: list[float], held: list[bool] | None = None) -> None:
         self.mean, self.held = mean, held
         self.batches: list[int] = []
 
-    def __call__(self, wheels: Any, axles: Any, wheel: Any, axle: Any, micro: Any) -> SimpleNamespace:
-        self.batches.append(len(wheel))
+    def predict(self, seat: Any, bore: Any, micro: float) -> SimpleNamespace:
+        self.batches.append(len(seat))
         held = np.array(self.held or [True] * len(self.mean))
         return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), held=held)
 
@@ -149,7 +147,7 @@ def test_surfaces_are_those_of_the_provider_dem(model: str) -> None:
         for body, tile in (("axle", 4), ("wheel", 6)):
             packing, _ = make_plate(settings, body)  # type: ignore[arg-type]
             taken = network.heights(body, tile)  # type: ignore[arg-type]
-            assert np.array_equal(taken, sampled(packing.surface, network.predictor.provenance.points))
+            assert np.array_equal(taken, sampled(packing.surface, network.tiles.predictor.provenance.points))
             assert taken.std() > 0.0
     assert settings.contact.micro_friction == network.options.micro_friction
 
@@ -170,7 +168,7 @@ def test_another_model_can_be_given(tmp_path: Path, model: str) -> None:
 def test_the_network_that_comes_with_the_package_is_taken() -> None:
     provider = build("surrogate", {}, context())
     assert isinstance(provider, TileNetwork)
-    assert provider.predictor.provenance == Predictor().provenance
+    assert provider.tiles.predictor.provenance == Predictor().provenance
     assert 0.03 < min(answers(provider, *PAIRS)) < max(answers(provider, *PAIRS)) < 0.12  # as of the plates
 
 
@@ -204,48 +202,60 @@ def test_the_last_batch_is_not_predicted_again() -> None:
     assert network.batches == [2, 2, 2]
 
 
-def test_a_tile_keeps_its_surface(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nine pairs of three tiles and three take six surfaces; and no more are kept than there is memory for."""
-    drawn: list[tuple[str, int]] = []
-
-    def counted(body: Any, seed: int, **keys: Any) -> Any:
-        drawn.append((body, seed - 65536))
-        return generated(body, seed, **keys)
-
-    monkeypatch.setattr("surrogate.provider.generated", counted)
-    nine = [(seat, bore) for seat in range(3) for bore in range(3)]
-    provider = TileNetwork(Fake([0.1] * 9), Surrogate())  # type: ignore[arg-type]
-    answers(provider, *nine)
-    provider.predictor.mean = [0.1]  # type: ignore[attr-defined]
-    answers(provider, (2, 0))
-    assert sorted(drawn) == [(body, tile) for body in ("axle", "wheel") for tile in range(3)]
-    with pytest.raises(ValueError, match="read-only"):
-        provider.heights("axle", 0)[0, 0] = 1.0
-    monkeypatch.setattr("surrogate.provider.HELD_SURFACES", 2)
-    drawn.clear()
-    provider = TileNetwork(Fake([0.1] * 9), Surrogate())  # type: ignore[arg-type]
-    answers(provider, *nine)
-    provider.heights("axle", 0)
-    assert len(drawn) == 7
+def test_a_study_prepares_its_pairs_once(model: str) -> None:
+    """Providers built one after the other differ in the micro coefficient, or in what they do with the answers."""
+    first = made(model, seed=11, micro_friction=0.05)
+    given = [answers(first, *PAIRS)]
+    prepared, faces = first.tiles.prepared, first.tiles.faces
+    assert (prepared >= 3, faces >= 5) == (True, True)
+    for options in ({"micro_friction": 0.08}, {"micro_friction": 0.05, "fallback": "warning"}):
+        other = made(model, seed=11, **options)
+        given.append(answers(other, *PAIRS))
+        assert (other.tiles.prepared, other.tiles.faces) == (prepared, faces)
+    assert given[2] == given[0]
+    assert np.not_equal(given[1], given[0]).all()
+    alone = made(model, seed=12, micro_friction=0.08)
+    assert np.not_equal(answers(alone, *PAIRS), given[1]).all()  # another seed
+    assert answers(made(model, seed=11, micro_friction=0.08), *PAIRS) == given[1]  # made anew: to the bit
 
 
-def test_a_tile_without_a_seed_is_the_providers_error() -> None:
-    provider = TileNetwork(Fake([0.1]), Surrogate())  # type: ignore[arg-type]
-    for pair in ((65536, 0), (0, -1)):
-        with pytest.raises(ProviderError, match=r"friction provider 'surrogate': there is no tile (65536|-1)"):
-            answers(provider, pair)
+@pytest.mark.parametrize(
+    ("options", "changed"),
+    [
+        ({"surface": {"levels": 4}}, {}),
+        ({"surface": {"max_height": 0.01}}, {}),
+        ({"surface": {"hurst_exponent": 0.6}}, {}),
+        ({}, {"seat_tiles": 9}),
+        ({}, {"bore_tiles": 9}),
+    ],
+)
+def test_other_tiles_are_not_shared(model: str, options: dict[str, Any], changed: dict[str, Any]) -> None:
+    first = made(model)
+    other = build("surrogate", {"model": model} | options, context(**changed))
+    assert isinstance(other, TileNetwork)
+    assert other.tiles is not first.tiles
+    if options:
+        assert np.not_equal(answers(other, *PAIRS), answers(first, *PAIRS)).all()
 
 
-def test_surfaces_that_the_network_refuses_are_the_providers_error(
-    network: Predictor, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def coarse(body: Any, seed: int, *, points: int, **keys: Any) -> Any:
-        return generated(body, seed, points=points // 2, **keys)
+def test_a_tile_that_is_none_is_the_providers_error(model: str) -> None:
+    provider = made(model)
+    for body, pair in (("axle", (65536, 0)), ("axle", (8, 0)), ("wheel", (0, -1))):
+        tile = pair[body == "wheel"]
+        told = f"friction provider 'surrogate': there is no tile {tile} of the {body}; they are numbered 0 ... 7"
+        with pytest.raises(ProviderError, match=re.escape(told)):
+            answers(provider, (1, 1), pair)
+        with pytest.raises(ProviderError, match=re.escape(told)):
+            provider.heights(body, tile)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("surrogate.provider.generated", coarse)
-    provider = TileNetwork(network, Surrogate())
-    with pytest.raises(ProviderError, match="friction provider 'surrogate': surfaces of the wheel have the shape"):
-        answers(provider, (0, 0))
+
+def test_surfaces_that_cannot_be_made_are_the_providers_error(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(body: Any, seed: int, **keys: Any) -> Any:
+        return generated(body, seed, **keys | {"hurst_exponent": 2.0})
+
+    monkeypatch.setattr("surrogate.tiles.generated", refused)
+    with pytest.raises(ProviderError, match="friction provider 'surrogate': surface of the wheel: hurst_exponent"):
+        answers(made(model, seed=13), (0, 0))
 
 
 def test_coefficients_out_of_the_contract_take_the_nearest_bound() -> None:
@@ -463,10 +473,10 @@ def test_pairs_that_lose_contact_go_to_the_plates(model: str, monkeypatch: pytes
 
     monkeypatch.setattr(surrogate.provider, "build", counted)
     provider = made(model, **options)
-    monkeypatch.setattr(provider, "predictor", Fake([0.1, 0.2, 0.3], [True, True, True]))
+    monkeypatch.setattr(provider, "tiles", Fake([0.1, 0.2, 0.3], [True, True, True]))
     assert answers(provider, *PAIRS) == [0.3, 0.1, 0.2, 0.3]
     assert built == []
-    monkeypatch.setattr(provider, "predictor", Fake([0.1, 0.2, 0.3, 0.4], [True, False, True, False]))
+    monkeypatch.setattr(provider, "tiles", Fake([0.1, 0.2, 0.3, 0.4], [True, False, True, False]))
     found = answers(provider, (5, 5), *PAIRS)
     expected = answers(dem, (5, 5), (2, 3))
     assert found == [expected[0], 0.3, 0.1, expected[1], 0.3]
@@ -538,7 +548,8 @@ def test_a_mistake_is_one_line_and_code_2(
 def test_network_and_plates_agree(tmp_path: Path) -> None:
     """Six pairs it has not learned from, within four of the standard deviations it states; seeds as of a run."""
     pairs = [(3, 1), (10, 8), (47, 20), (90, 33), (120, 77), (179, 150)]
-    network, dem = build("surrogate", {}, context()), build("dem", {}, context(cache_dir=str(tmp_path)))
+    network = build("surrogate", {}, context(seat_tiles=190, bore_tiles=190))
+    dem = build("dem", {}, context(cache_dir=str(tmp_path)))
     error = np.subtract(answers(network, *pairs), answers(dem, *pairs))
     assert isinstance(network, TileNetwork)
     assert (np.abs(error) <= 4.0 * network.uncertainty(asked(*pairs))).all()

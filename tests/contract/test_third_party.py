@@ -21,6 +21,7 @@ README = HERE.parents[2] / "README.md"
 ITS_TEST = """\
 from macrofit.friction import BuildContext, build
 from macrofit.friction.conformance import check
+
 check(build("polished", {}, BuildContext(seat_tiles=9, bore_tiles=9, youngs_modulus=210e3, poisson_ratio=0.3)))
 """
 CONTEXT = BuildContext(seat_tiles=60, bore_tiles=30, youngs_modulus=206e3, poisson_ratio=0.3)

@@ -44,7 +44,7 @@ def made(pairs: int = PAIRS, packings: int = PACKINGS, seed: int = 0, first: int
     rows = np.zeros(count, HEADER.row())
     pair = np.arange(count) // packings
     rows["id"] = np.arange(count)
-    rows["packing_seed"] = np.arange(count) % packings
+    rows["packing_seed"] = np.arange(count)
     rows["wheel_seed"] = rows["axle_seed"] = first + pair
     rows["levels"], rows["max_height"], rows["hurst_exponent"] = 3, (0.01 + 1e-4 * pair), 0.8
     for i in range(count):

@@ -88,6 +88,38 @@ def test_bits_of_a_pair_depend_on_no_other(predictor: Predictor) -> None:
         assert same(whole, alone, [row])
 
 
+def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
+    """Whatever their order, and for each of the micro coefficients that they are asked for in turn."""
+    predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
+    wheels, axles = (torch.from_numpy(heights) for heights in faces())
+    assert isinstance(predictor.model, Energy)
+    with torch.inference_mode():
+        slopes, features = predictor.model.prepare(wheels, axles, torch.from_numpy(WHEEL), torch.from_numpy(AXLE))
+        laws, held = predictor.model.laws(slopes, features), predictor.model.holds(features)
+    rows = np.random.default_rng(3).permutation(len(WHEEL))[:50]
+    for micro in (0.03, 0.09):
+        whole = predictor(*faces(), WHEEL, AXLE, micro)
+        assert same(whole, predictor.answer(laws, held, micro))
+        assert same(whole, predictor.answer(laws[rows], held[rows], np.full(50, micro)), rows)
+    with pytest.raises(PredictionError, match="micro coefficient is not finite"):
+        predictor.answer(laws, held, np.inf)
+
+
+def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = network("energy")[0]
+    assert isinstance(model, Energy)
+    wheels, axles = (torch.from_numpy(heights) for heights in faces())
+    pairs = torch.from_numpy(WHEEL), torch.from_numpy(AXLE)
+    slopes, features = model.prepare(wheels, axles, *pairs)
+    known = torch.stack([*map(roughness, wheels)]), torch.stack([*map(roughness, axles)])
+    monkeypatch.setattr("surrogate.model.roughness", lambda face: pytest.fail("it was measured"))
+    again, unchanged = model.prepare(wheels, axles, *pairs, uneven=known)
+    assert torch.equal(again, slopes)
+    assert torch.equal(unchanged, features)
+    _, rougher = model.prepare(wheels, axles, *pairs, uneven=(2.0 * known[0], 2.0 * known[1]))
+    assert torch.equal(rougher[:, :2], 2.0 * features[:, :2])
+
+
 def test_none_asked_none_answered(predictor: Predictor) -> None:
     empty = np.zeros(0, np.int64)
     assert len(predictor(*faces(), empty, empty, 0.07).held) == 0
