@@ -31,7 +31,7 @@ SIZES = (32, 64, 128, 256, 512, 900)
 def made_up(count: int) -> Samples:
     """Samples with the foundation's b for an answer."""
     rows = np.zeros(count, Header(design="", settings="", code="", version="", micro_frictions=2, squares=2).row())
-    rows["id"] = rows["wheel_seed"] = rows["axle_seed"] = np.arange(count)
+    rows["id"] = rows["wheel_seed"] = rows["axle_seed"] = rows["packing_seed"] = np.arange(count)
     keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
     for k in range(count):
         rows["wheel"][k], rows["axle"][k] = generated("wheel", k, **keys), generated("axle", k, **keys)

@@ -15,6 +15,10 @@ COMMANDS = [
     ["meso_sweep", "--slides", "3", "--spheres", "900"],
     ["meso_agreement", "--pairs", "1", "--spheres", "600"],
     ["meso_influence", "--quick"],
+    ["dem_press", "--quick"],
+    ["enriched_cost", "--quick"],
+    ["surrogate_farm", "--quick"],
+    ["surrogate_learning", "--quick"],
 ]
 
 
