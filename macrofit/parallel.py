@@ -32,6 +32,11 @@ def raise_together(comm: MPI.Comm) -> Iterator[None]:
         raise first
 
 
+def summed(comm: MPI.Comm, counters: dict[str, int]) -> dict[str, int]:
+    """Counters added up over the ranks, which have the same names. Collective."""
+    return {name: int(comm.allreduce(count)) for name, count in counters.items()}
+
+
 class SharedAsk:
     """Divides a batch of tile pairs among the ranks; every rank returns the whole answer. Collective."""
 

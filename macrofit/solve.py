@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
 from .monitor import Monitor, Silent
-from .parallel import raise_together
+from .parallel import raise_together, summed
 from .press import Press, State
 from .scene import Scene
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
@@ -74,7 +74,8 @@ def solve(
             "back_substitutions": stresses.back_substitutions,
             "provider_calls": friction.calls,
             "pairs_asked": friction.pairs_asked,
-        },
+        }
+        | summed(comm, friction.counters),
         friction=press.pair_friction(),
     )
 

@@ -137,6 +137,11 @@ class TileFriction:
         self._last: dict[tuple[int, int], Entry] = {}
         self._plate = functools.lru_cache(2 * HELD_SPHERES // settings.plates.spheres)(self._made)
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """For the report of a run."""
+        return {"runs": self.runs, "clipped": self.clipped}
+
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
 

@@ -77,6 +77,8 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     plates: Plates
     surface_seeds: tuple[int, int]
     """Smallest and largest seed of a surface, of both bodies together; held back or not."""
+    packing_seeds: tuple[int, int]
+    """Smallest and largest seed of a packing."""
     max_height: tuple[float, float]
     """Smallest and largest R [mm]."""
     levels: tuple[int, ...]
@@ -172,6 +174,14 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
     bad = [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]
     if bad:
         raise CheckpointError(f"{path}: {bad[0]} has values that are not finite; train it anew")
+    options, points = provenance.options, provenance.points
+    if isinstance(options, EnergyOptions):
+        steps = options.positions - 1
+        fits = steps > 0 and (points - 1) % steps == 0 and 0.0 < options.load < math.inf
+    else:
+        fits = options.points == points
+    if not fits:
+        raise CheckpointError(f"{path}: its options do not fit faces of {points} points, or a load above 0")
     try:
         with torch.device("meta"):  # no memory before the shapes are known to fit
             model: Model = provenance.options.build()

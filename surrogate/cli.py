@@ -14,10 +14,9 @@ from typing import Any
 import click
 
 from .errors import SurrogateError
+from .monitor import LAUNCHED
 
 USER_MISTAKE, INTERRUPTED = 2, 130
-LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
-"""Variables of a process that mpirun started."""
 
 
 class Commands(click.Group):
@@ -147,9 +146,8 @@ def generate(
         except KeyboardInterrupt:
             complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
             leave(INTERRUPTED)
-        if not quiet:
-            for line in stock(path):
-                click.echo(line)
+        for line in [] if quiet else stock(path):
+            click.echo(line)
 
 
 @contextmanager
@@ -203,7 +201,7 @@ def leave(code: int) -> None:
     "--faces", type=click.Choice(["generated", "envelope"]), default="generated", show_default=True,
     help="Learn from surfaces as generated, or as the envelopes of their spheres.",
 )  # fmt: skip
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the split and the start.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of split and start.")
 @click.option("--members", type=click.IntRange(1, 64), default=8, show_default=True, help="Of the ensemble (energy).")
 @click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
+
 from .errors import TrainingError
 from .train import Curves
 
@@ -34,6 +36,9 @@ def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
     axes.set_xlabel("epoch")
     axes.set_ylabel(label)
     axes.legend(frameon=False)
+    settled = np.array(curves.validation)[len(curves.validation) // 20 :]  # the first epochs may leap far up
+    low, high = settled.min(), float(np.percentile(settled, 98))
+    axes.set_ylim(low - 0.3 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9)
     try:
         with table.open("w", newline="") as file:
             rows = csv.writer(file)

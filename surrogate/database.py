@@ -52,7 +52,8 @@ class Database:
     failures: dict[int, str]
     """Reason of each sample that could not be computed, by id."""
     content_hash: str
-    """Of all samples by id, but for the time they took; the same however they were computed and stored."""
+    """Of all samples by id, but for the time they took; the same however they were stored. (Code that numba has just
+    compiled may round another way than the same code from its cache: 1e-15 of a coefficient, and another hash.)"""
 
 
 def read(path: Path) -> Database:

@@ -93,17 +93,19 @@ def evaluation(
 
     Raises:
         DatabaseError, CheckpointError: a file that cannot be read.
-        EvaluationError: as `measured` and `predicted`; or the folder cannot be written.
+        EvaluationError: as `unseen` and `measured`; or the folder cannot be written.
     """
     from . import plots
 
     found = open_samples(database)
+    judged = [load(path) for path in (network, *beside)]
+    for _, origin in judged:
+        unseen(found.samples, origin)
     data = measured(found.samples)
-    model, provenance = load(network)
+    (model, provenance), *more = judged
     said = predicted(model, provenance, data)
     others = [foundation_alone(data, provenance.faces, found.header.plates.load)]
-    for path in beside:
-        others.append(predicted(*load(path), data))
+    others += [predicted(another, origin, data) for another, origin in more]
     others = [dataclasses.replace(one, name=name) for one, name in zip(others, _distinct(others), strict=True)]
     about = {"network": network.name, "architecture": said.name, "faces": provenance.faces}
     about |= {"database": database.name, "content_hash": found.content_hash}
@@ -156,6 +158,25 @@ def measured(samples: Samples) -> Measured:
     )
 
 
+def unseen(samples: Samples, provenance: Provenance) -> None:
+    """Nothing, where no surface was there in training and, for a network of envelopes, no packing either.
+
+    Raises:
+        EvaluationError: naming a seed.
+    """
+    kinds = [("surface", "--first-surface", provenance.surface_seeds, [samples.wheel_seed, samples.axle_seed])]
+    if provenance.faces == "envelope":
+        kinds.append(("packing", "--first-packing", provenance.packing_seeds, [samples.packing_seed]))
+    for what, option, (low, high), seeds in kinds:
+        every = np.concatenate(seeds)
+        known = every[(every >= low) & (every <= high)]
+        if known.size:
+            raise EvaluationError(
+                f"{what}s of seed {known[0]} and others ({known.size} of {every.size}) were learned from: "
+                f"generate with {option} beyond {high}"
+            )
+
+
 def take(samples: Samples, rows: IntArray) -> Samples:
     """Some of the samples, in the order of `rows`."""
     return Samples(**{name: column[rows] for name, column in vars(samples).items()})
@@ -165,16 +186,8 @@ def predicted(model: Model, provenance: Provenance, data: Measured, name: str | 
     """What a network says.
 
     Raises:
-        EvaluationError: the samples were part of its training, or lack the faces it needs.
+        TrainingError: the samples lack the faces it needs.
     """
-    low, high = provenance.surface_seeds
-    seeds = np.concatenate([data.samples.wheel_seed, data.samples.axle_seed])
-    known = seeds[(seeds >= low) & (seeds <= high)]
-    if known.size:
-        raise EvaluationError(
-            f"surfaces of seed {known[0]} and others ({known.size} of {seeds.size}) were learned from: "
-            f"generate with --first-surface beyond {high}"
-        )
     told = _faces(data, provenance.faces)
     mean, spread = (
         data.spread_out(answer.double().numpy()) for answer in ask(model, told.wheel, told.axle, told.micro)

@@ -102,7 +102,7 @@ def settle(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
     Each pair stops by itself when its step is less than `CLOSE`, so that its bits do not depend on the others. The last
-    step carries the gradient, dz/dsums = 1/(nodes in contact) on those.
+    step carries the gradient, dz/dsums = 1/(nodes in contact) on the nodes in contact before that step.
 
     Args:
         sums: of the heights of both faces (pairs, G) [mm].

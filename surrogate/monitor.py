@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from typing import IO, Any, Protocol
 
+LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
+"""Variables of a process that mpirun started."""
 PERIOD_S = 20.0
 """Between two plain lines [s]."""
 
@@ -110,7 +113,8 @@ def on_screen(*, quiet: bool) -> FarmMonitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
     if quiet:
         return Silent()
-    return Progress() if sys.stdout.isatty() else Lines()
+    launched = any(name in os.environ for name in LAUNCHED)  # mpirun gives its first rank a terminal, even into a file
+    return Progress() if sys.stdout.isatty() and not launched else Lines()
 
 
 def duration(seconds: float) -> str:

@@ -33,6 +33,8 @@ class Pair:
     """Meso coefficients (k,)."""
     spread: FloatArray
     """Their standard deviations (k,)."""
+    held: bool
+    """Whether the network expects contact all along the slide; where it is lost, errors are largest."""
     outside: list[str]
     """What lies outside all that the network has learned from, in words."""
 
@@ -59,6 +61,8 @@ def predict_pair(
         PredictionError: a file or a key that gives no face; a network of envelopes.
     """
     about = predictor.provenance
+    if not all(0.0 <= value < 2.0 for value in micro_friction):
+        raise PredictionError(f"--micro-friction {micro_friction}: take numbers from 0 to 2")
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
     keys = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent}
@@ -76,7 +80,7 @@ def predict_pair(
     said += [line for value in micro for line in outside(about, micro_friction=float(value))]
     none = np.zeros(len(micro), dtype=np.int64)
     answer = predictor(faces[0][None], faces[1][None], none, none, micro)
-    return Pair(faces[0], faces[1], micro, answer.mean, answer.spread, said)
+    return Pair(faces[0], faces[1], micro, answer.mean, answer.spread, bool(answer.held.all()), said)
 
 
 def write_pair(pair: Pair, target: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
     for packing in range(data.packings):
         label = "actual, each packing" if packing == 0 else None
         axes.plot(place, data.meso[order, packing, k], ".", color=RED, ms=3.5, alpha=0.7, label=label)
-    axes.set_xlabel("configuration, by rising coefficient")
+    axes.set_xlabel("configuration, by the rising mean over its packings")
     axes.set_ylabel(f"meso coefficient [-] at $\\mu_{{micro}}$ = {data.micro[k]:g}")
     axes.legend(frameon=False, fontsize=8)
     return save(figure, target)
@@ -91,7 +92,7 @@ def scatter(data: Measured, said: Predicted, target: Path) -> Path:
 def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], target: Path) -> Path:
     """Mean relative error against one packing, with its standard error, beside baselines and the noise floor."""
     figure, axes = sheet(6.4, 4.0)
-    shown = [constant_ratio(data), *others, said]
+    shown = [constant_ratio(data), *others, replace(said, name="this network")]
     colours = [*("0.55", ORANGE, PURPLE, GREEN, SKY, RED)[: len(shown) - 1], BLUE]
     for one, colour in zip(shown, colours, strict=True):
         wrong = errors(data, one)[0].mean(1)  # (n, k)
@@ -100,7 +101,7 @@ def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], 
             fmt="o-", ms=4, lw=1.4, capsize=2, color=colour, label=one.name,
         )  # fmt: skip
     if data.packings > 1:
-        axes.plot(data.micro, 100.0 * data.noise_floor, "k--", lw=1.0, label="noise floor: another packing")
+        axes.plot(data.micro, 100.0 * data.noise_floor, "k--", lw=1.0, label="noise floor: the mean over all packings")
     axes.set_yscale("log")
     axes.set_yticks([0.5, 1, 2, 5, 10], labels=["0.5", "1", "2", "5", "10"])
     axes.minorticks_off()

@@ -221,6 +221,11 @@ class TileNetwork:
         self._instead = instead
         self._last: _Answer | None = None
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """For the report of a run."""
+        return {name: getattr(self, name) for name in ("clipped", "out_of_range", "unheld")}
+
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
 

@@ -20,6 +20,11 @@ def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
         f"Noise floor     {_cell(floor)} % against one packing",
         f"R2 of b         {result['r2_b']:.3f}",
     ]
+    at = result["by_micro_friction"].get("0.07")
+    if at is not None:
+        lines.append(
+            f"At 0.07         {_percent(at)} against one packing, {_percent(at, '_all_packings')} against the mean"
+        )
     if "coverage_90" in result:
         lines.append(f"Inside 90 %     {100 * result['coverage_90']:.0f} % of all runs")
     names = ["constant ratio", *result["beside"], "this network", "noise floor"]
@@ -48,4 +53,6 @@ def prediction_lines(pair: Pair) -> list[str]:
     lines = [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
     for micro, mean, half in zip(pair.micro, pair.mean, pair.half, strict=True):
         lines.append(f"  {micro:<8g}  {mean:.4f}    {mean - half:.4f} ... {mean + half:.4f}")
+    if not pair.held:
+        lines.append("Contact         is probably lost somewhere along the slide; there errors are twice as large")
     return lines

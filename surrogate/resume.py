@@ -39,8 +39,9 @@ class Saved:
             suppress(OSError, safetensors.SafetensorError, ValueError, RuntimeError),
             safetensors.safe_open(self.path, framework="pt") as file,
         ):
-            if (file.metadata() or {}).get(ENTRY) == self.key:
-                return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  no mapping
+            names = set(file.keys())
+            if (file.metadata() or {}).get(ENTRY) == self.key and "generator" in names:
+                return {name: file.get_tensor(name) for name in sorted(names)}
         return None
 
     def due(self) -> bool:

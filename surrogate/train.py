@@ -30,7 +30,7 @@ from .dataset import Faces, Pairs, pairs, split
 from .errors import TrainingError
 from .model import Energy, Paper, chunks
 from .resume import Saved, packed, unpack
-from .samples import Plates
+from .samples import IntArray, Plates
 
 Watch: TypeAlias = Callable[[int, float, float], None]
 """Told epoch, training and validation loss."""
@@ -179,7 +179,8 @@ def train(
         validation=len(validation),
         points=points,
         plates=plates,
-        surface_seeds=_seeds(samples),
+        surface_seeds=_seeds(samples.wheel_seed, samples.axle_seed),
+        packing_seeds=_seeds(samples.packing_seed),
         max_height=_range(samples.max_height),
         levels=tuple(int(n) for n in np.unique(samples.levels)),
         hurst_exponent=_range(samples.hurst_exponent),
@@ -252,9 +253,8 @@ def _range(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[f
     return float(values.min()), float(values.max())
 
 
-def _seeds(samples: Samples) -> tuple[int, int]:
-    both = np.concatenate([samples.wheel_seed, samples.axle_seed])
-    return int(both.min()), int(both.max())
+def _seeds(*seeds: IntArray) -> tuple[int, int]:
+    return min(int(some.min()) for some in seeds), max(int(some.max()) for some in seeds)
 
 
 def _fit_energy(model: Energy, fit: Pairs, validation: Pairs) -> Descent:

@@ -27,6 +27,7 @@ def untrained(path: Path, stiffness: float = 3e4, faces: Faces = "generated") ->
         points=33,
         plates=Plates(),
         surface_seeds=(0, 999),
+        packing_seeds=(0, 255),
         max_height=(0.005, 0.04),
         levels=(3, 4),
         hurst_exponent=(0.5, 1.0),

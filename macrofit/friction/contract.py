@@ -45,7 +45,8 @@ class FrictionProvider(Protocol):
 
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
-    It may also say how sure it is, see `StatesUncertainty`.
+    It may also say how sure it is, see `StatesUncertainty`, and have `counters`, a dict of names and whole numbers that
+    the summary of a run shows.
     """
 
     @property

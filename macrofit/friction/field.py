@@ -108,6 +108,11 @@ class FrictionField:
         """Whether a pair keeps its coefficient for the whole run: the provider depends on tiles at most."""
         return self._depends_on <= {"tiles"}
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """What the provider itself counts on this rank, if it has `counters`: clipped answers, inputs out of range."""
+        return {f"provider_{name}": int(count) for name, count in getattr(self.provider, "counters", {}).items()}
+
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
         return FieldState(*_pair(self._keys), *self._known.copy())

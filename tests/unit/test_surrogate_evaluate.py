@@ -6,13 +6,14 @@ import json
 from dataclasses import fields, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from meso.plates import rough_face
 from meso.settings import Settings, SurfaceKeys, dump
-from surrogate.checkpoint import save
+from surrogate.checkpoint import load, save
 from surrogate.cli import main
 from surrogate.database import Database, Header, Samples
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
@@ -26,6 +27,7 @@ from surrogate.evaluate import (
     measured,
     report,
     slope_r2,
+    unseen,
 )
 from surrogate.faces import from_file, generated
 from surrogate.table import open_samples, read_table, write_table
@@ -192,6 +194,14 @@ def test_surfaces_that_were_learned_judge_nothing(networks: dict[str, Path], tmp
         evaluation(tmp_path / "t.csv", networks["energy"], [], tmp_path)
 
 
+def test_packings_that_were_learned_do_not_judge_a_network_of_envelopes(networks: dict[str, Path]) -> None:
+    _, about = load(networks["energy"])
+    seen = replace(SAMPLES, packing_seed=np.full(len(SAMPLES), about.packing_seeds[1]))
+    unseen(seen, about)
+    with pytest.raises(EvaluationError, match=r"packings of seed 39 .* --first-packing beyond 39"):
+        unseen(seen, msgspec.structs.replace(about, faces="envelope"))
+
+
 def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
     write_table(Database(HEADER, SAMPLES, {}, "hash"), tmp_path / "t.csv")
     found = open_samples(tmp_path / "t.csv")
@@ -270,6 +280,7 @@ def test_the_command_predicts_from_seeds_and_from_files(networks: dict[str, Path
     assert rows[:, 0].tolist() == list(MICRO)
     assert np.all(rows[:, 3] < rows[:, 1])
     assert f"{rows[2, 1]:.4f}" in said
+    assert run(*seeds, "--micro-friction", "2.5")[0] == 2
     keys = {"levels": 3, "max_height": 0.012, "hurst_exponent": 0.8}
     np.save(tmp_path / "w.npy", generated("wheel", 3, **keys))
     np.save(tmp_path / "a.npy", generated("axle", 4, **keys))

@@ -20,7 +20,7 @@ from surrogate.samples import Plates
 POINTS, WHEELS, AXLES = 17, 7, 11
 LOAD = 170.0
 PROVENANCE = {
-    "plates": Plates(), "surface_seeds": (0, 999),
+    "plates": Plates(), "surface_seeds": (0, 999), "packing_seeds": (0, 255),
     "faces": "generated", "database": "", "seed": 0, "training": 1, "validation": 1, "points": POINTS,
     "max_height": (0.0, 1.0), "levels": (3,), "hurst_exponent": (0.0, 1.0), "micro_friction": (0.0, 1.0),
     "validation_error": {}, "validation_r2": 1.0, "versions": {},

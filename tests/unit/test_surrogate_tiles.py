@@ -38,8 +38,8 @@ def network(options: EnergyOptions | PaperOptions, path: Path) -> Predictor:
             model.lost.fill_(0.6)
     about = Provenance(
         options=options, faces="generated", database="", seed=0, training=0, validation=0, points=POINTS,
-        plates=Plates(), surface_seeds=(0, 999), max_height=(0.0, 1.0), levels=(3,), hurst_exponent=(0.0, 1.0),
-        micro_friction=(0.0, 1.0), validation_error={}, validation_r2=0.0, versions={},
+        plates=Plates(), surface_seeds=(0, 999), packing_seeds=(0, 9), max_height=(0.0, 1.0), levels=(3,),
+        hurst_exponent=(0.0, 1.0), micro_friction=(0.0, 1.0), validation_error={}, validation_r2=0.0, versions={},
     )  # fmt: skip
     save(path, model, about)
     return Predictor(path)

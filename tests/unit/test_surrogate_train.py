@@ -208,7 +208,7 @@ def test_what_is_no_checkpoint_is_refused(
     ("options", "says"),
     [
         (PaperOptions(9), "no network 'paper'"), (EnergyOptions([1e4], 170.0, 3), "no network 'energy'"),
-        (EnergyOptions([3e4, 1e5], 170.0, 3, positions=1), "cannot be built|no network"),
+        (EnergyOptions([3e4, 1e5], 170.0, 3, positions=1), "cannot be built|no network|do not fit"),
     ],
 )  # fmt: skip
 def test_weights_of_another_network_are_refused(
@@ -218,6 +218,18 @@ def test_weights_of_another_network_are_refused(
     save(path, trained.model, msgspec.structs.replace(trained.provenance, options=options))  # a true digest
     with pytest.raises(CheckpointError, match=says):
         load(path)
+
+
+@pytest.mark.parametrize(
+    "change", [{"positions": 100}, {"positions": 7}, {"positions": 1}, {"load": -1.0}, {"load": float("inf")}]
+)
+def test_options_that_do_not_fit_the_faces_are_refused(
+    trained: Trained, tmp_path: Path, change: dict[str, float]
+) -> None:
+    options = msgspec.structs.replace(trained.provenance.options, **change)
+    save(tmp_path / "m.safetensors", trained.model, msgspec.structs.replace(trained.provenance, options=options))
+    with pytest.raises(CheckpointError, match=r"do not fit|cannot be read"):
+        load(tmp_path / "m.safetensors")
 
 
 def test_weights_that_are_not_finite_are_refused(trained: Trained, tmp_path: Path) -> None:
