@@ -162,15 +162,18 @@ def _lock(descriptor: int, path: Path) -> None:
 
 def _header(scene: Scene) -> _Header:
     text = msgspec.json.encode(scene, order="deterministic")
-    meshes = {}
-    for body in ("axle", "wheel"):
-        file = getattr(scene.mesh, body)
-        if file is not None and Path(file).is_file():
-            meshes[f"mesh.{body}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    for key, value in _flat(scene.friction.options, "friction.options").items():
-        if isinstance(value, str) and os.path.isfile(value):
-            meshes[key] = hashlib.sha256(Path(value).read_bytes()).hexdigest()
-    return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, meshes)
+    return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, file_digests(scene))
+
+
+def file_digests(scene: Scene) -> dict[str, str]:
+    """SHA-256 of the content of each file that a scene names, by its key: meshes, and files in friction options."""
+    named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
+    named |= _flat(scene.friction.options, "friction.options")
+    return {
+        key: hashlib.sha256(Path(value).read_bytes()).hexdigest()
+        for key, value in named.items()
+        if isinstance(value, str) and os.path.isfile(value)
+    }
 
 
 def _same_scene(path: Path, header: _Header, scene: Scene) -> None:

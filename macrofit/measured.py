@@ -14,6 +14,9 @@ from .geometry import FloatArray
 LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
 FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6}
 UNIT = re.compile(r"(?:[_\[(/\s])\s*(mm|cm|m|N|kN|MN)\s*[\])]?\s*$")
+OTHER_UNIT = re.compile(
+    r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(lbf|kip|daN|kgf|kg|tf?|in|inch|ft|[uµ]m|bar|MPa)$", re.IGNORECASE
+)
 FEWEST = 5
 """Points that a fit needs at least."""
 FAR = 50.0
@@ -49,7 +52,7 @@ def read_measured(path: Path) -> Measured:
     separator = next((sign for sign in (";", "\t", ",") if sign in lines[0][1]), None)
     scales = (1.0, 1.0)
     if _number(_cells(lines[0][1], separator)[0], separator) is None:
-        scales = _units(_cells(lines[0][1], separator))
+        scales = _units(_cells(lines[0][1], separator), path)
         lines = lines[1:]
     rows: list[tuple[float, float]] = []
     for number, line in lines:
@@ -115,10 +118,16 @@ def _number(cell: str, separator: str | None) -> float | None:
         return None
 
 
-def _units(names: list[str]) -> tuple[float, float]:
-    """What brings the two columns to mm and N."""
+def _units(names: list[str], path: Path) -> tuple[float, float]:
+    """What brings the two columns to mm and N. Raises OutputError: a unit that is not known."""
     scales = []
     for name, known in zip(names[:2], (LENGTHS, FORCES), strict=False):
         found = UNIT.search(name)
+        other = OTHER_UNIT.search(name)
+        if found is None and other is not None:
+            raise OutputError(
+                f"{path}: unit '{other.group(1) or other.group(2)}' in its header is not known; take "
+                f"{', '.join(LENGTHS)} and {', '.join(FORCES)}"
+            )
         scales.append(known.get(found.group(1), 1.0) if found else 1.0)
     return (scales[0], scales[1]) if len(scales) == 2 else (1.0, 1.0)

@@ -243,9 +243,10 @@ def _totals(
 
 
 def _sentences(plan: Plan, records: Sequence[RunRecord], numbers: dict[str, Any]) -> list[str]:
-    each = numbers["runs_cpu_s"] / len(records)
-    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each, bodies factored "
-             f"{max(numbers['factorisations_per_rank'])} times on a rank"]  # fmt: skip
+    each = numbers["runs_cpu_s"] / len({run.digest for run in plan.runs})
+    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each; bodies assembled "
+             f"{max(numbers['assemblies_per_rank'])} times on a rank, "
+             f"{max(numbers['factorisations_per_rank'])} factorisations"]  # fmt: skip
     words = {"peak_force_N": ("Peak force", 1e-3, "kN"), "axle_max_von_mises_MPa": ("Stress, axle", 1.0, "MPa"),
              "wheel_max_von_mises_MPa": ("Stress, wheel", 1.0, "MPa")}  # fmt: skip
     for name, (word, scale, unit) in words.items():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
+import warnings
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +15,8 @@ import msgspec
 
 from . import __version__
 from .errors import MacrofitError, SceneError
-from .friction import registry
+from .friction import BuildContext, registry
+from .journal import file_digests
 from .scene import Scene, load_scene
 
 MOST_RUNS = 100_000
@@ -97,9 +100,9 @@ def parse_vary(text: str) -> tuple[str, list[str]]:
             values.append(part.strip())
         else:
             raise SceneError(f"--vary {key}: {'an empty value' if listed.strip() else 'no value'}; {EXAMPLE}")
-    for value in values:
-        if values.count(value) > 1:
-            raise SceneError(f"--vary {key}: {value} is given twice")
+    twice = [value for value, count in Counter(values).items() if count > 1]
+    if twice:
+        raise SceneError(f"--vary {key}: {twice[0]} is given twice")
     return key, values
 
 
@@ -133,12 +136,9 @@ def split_outside(text: str) -> list[str]:
 
 
 def digest(scene: Scene) -> str:
-    """sha256 of a scene, its mesh files and the version of macrofit."""
-    made = hashlib.sha256(msgspec.json.encode([__version__, scene], order="deterministic"))
-    for file in (scene.mesh.axle, scene.mesh.wheel):
-        if file is not None and Path(file).is_file():
-            made.update(Path(file).read_bytes())
-    return made.hexdigest()
+    """SHA-256 of a scene, the content of all files it names and the version of macrofit."""
+    whole = msgspec.json.encode([__version__, scene, file_digests(scene)], order="deterministic")
+    return hashlib.sha256(whole).hexdigest()
 
 
 def _integers(key: str, text: str, first: int, last: int, step: int) -> list[str]:
@@ -153,13 +153,24 @@ def _planned(number: int, label: str, values: dict[str, str], source: str | Path
     what = f"run {number} ({label}): " if label else ""
     try:
         scene = load_scene(source, overrides)
-        registry.load(scene.friction.provider, scene.friction.options)
+        _try_friction(scene)
     except MacrofitError as error:
         hint = ""
         if "unknown option of friction provider" in str(error):
             hint = "; another provider is chosen with --set friction.provider=NAME"
         raise type(error)(f"{what}{error}{hint}") from error
     return PlannedRun(number, label, values, scene, digest(scene))
+
+
+def _try_friction(scene: Scene) -> None:
+    """Build the provider once, so that a value it refuses is known before anything runs. Raises ProviderError."""
+    material = scene.axle.material
+    context = BuildContext(
+        seat_tiles=1, bore_tiles=1, youngs_modulus=material.youngs_modulus, poisson_ratio=material.poisson_ratio
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when it runs
+        registry.build(scene.friction.provider, scene.friction.options, context)
 
 
 def _no_twins(runs: Sequence[PlannedRun]) -> None:

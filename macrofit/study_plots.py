@@ -134,7 +134,7 @@ def load_fields(folder: Path, run: PlannedRun) -> dict[float, dict[str, BodyFiel
 def stress_panels(
     shown: Sequence[tuple[PlannedRun, dict[float, dict[str, BodyField]]]], zoom: float | None = None
 ) -> Any:
-    """Von Mises stress, a column per run and a row per displacement, all on one scale.
+    """Von Mises stress, a column per run and a row per displacement, with a scale of its own.
 
     With ``zoom`` [mm]: a window of that width on the seat's entrance.
     """
@@ -147,10 +147,10 @@ def stress_panels(
     height = float(np.clip(width * extent[0] / extent[1], 1.2, 6.0))
     figure = Figure(figsize=(width * len(shown) + 1.2, (height + 0.45) * len(at) + 0.5), dpi=DPI, layout="compressed")
     grid = figure.subplots(len(at), len(shown), sharex=True, sharey=True, squeeze=False)
-    every = [field for _, fields in shown for bodies in fields.values() for field in bodies.values()]
-    top = max(float(field.von_mises[_inside(_deformed(field), window)].max(initial=0.0)) for field in every)
-    for column, (run, fields) in enumerate(shown):
-        for row, displacement in enumerate(at):
+    for row, displacement in enumerate(at):
+        every = [field for _, fields in shown for field in fields.get(displacement, {}).values()]
+        top = max(float(field.von_mises[_inside(_deformed(field), window)].max(initial=0.0)) for field in every)
+        for column, (run, fields) in enumerate(shown):
             axes = grid[row][column]
             for field in fields.get(displacement, {}).values():
                 drawn = _draw_body(axes, field, window, top)
@@ -158,9 +158,9 @@ def stress_panels(
             axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r), aspect="equal")
             axes.set_title(f"{run.label}\n{displacement:g} mm" if row == 0 else f"{displacement:g} mm", fontsize=9)
             axes.tick_params(labelsize=8)
+        figure.colorbar(drawn, ax=grid[row].tolist(), label="von Mises stress [MPa]", fraction=0.03, pad=0.02)
     figure.supxlabel("z [mm]", fontsize=9)
     figure.supylabel("r [mm]", fontsize=9)
-    figure.colorbar(drawn, ax=grid, label="von Mises stress [MPa]", fraction=0.03, pad=0.02)
     return figure
 
 

@@ -105,6 +105,12 @@ def test_a_curve_that_cannot_be_used_is_said(tmp_path, text, message):
 # the fit alone
 
 
+@pytest.mark.parametrize("head", ["travel_mm,force_lbf", "travel [mm],force [daN]", "travel (inch),force (kN)"])
+def test_a_unit_that_is_not_known_is_refused(tmp_path, head):
+    with pytest.raises(OutputError, match="in its header is not known"):
+        read_measured(written(tmp_path, head + "\n" + "".join(f"{k},{k}\n" for k in range(9))))
+
+
 def test_a_linear_model_is_solved_exactly():
     """F = F0 + p G: the value and the error are those of linear regression through the normal equation."""
     rng = np.random.default_rng(5)

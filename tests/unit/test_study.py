@@ -299,6 +299,31 @@ def test_resume_after_a_kill(scene_file):
     assert totals(Path("out"))["resumed_runs"] == 4
 
 
+def test_a_changed_table_is_computed_again(scene_file, tmp_path):
+    """The digest of a run is of the files it names, too."""
+    table = ("--set", "friction.provider=table", "--set", "friction.options.file=mu.csv")
+    arguments = ["study", scene_file, *table, "--set", "output.stress=false", "--vary", "motion.increment=10,20"]
+    for number, mu in enumerate((0.1, 0.2, 0.2)):
+        Path("mu.csv").write_text(f"z_mm,coefficient\n0,{mu}\n100,{mu}\n")
+        done = macrofit(*arguments, "-o", "out", *(["--resume"] if number else []))
+        assert done.exit_code == 0, done.stderr
+        assert totals(Path("out"))["resumed_runs"] == (2 if number == 2 else 0)
+
+
+def test_a_value_the_provider_refuses_is_known_before_anything_runs(scene_file, monkeypatch):
+    def build(self, context):
+        if self.seed == 2:
+            raise ValueError("no such surfaces")
+        return self
+
+    monkeypatch.setattr(rippled.Rippled, "build", build)
+    done = macrofit("study", scene_file, *RIPPLED, "--vary", f"{SEED}=1,2", "-o", "out")
+    assert done.exit_code == 2
+    assert "run 2 (seed = 2)" in done.stderr
+    assert "no such surfaces" in done.stderr
+    assert not Path("out").exists()
+
+
 def test_a_study_is_extended(scene_file):
     """A finished study with more seeds computes the new ones alone."""
     vary = (*RIPPLED, "--set", "output.stress=false", "--resume", "-o", "out", "--vary")
