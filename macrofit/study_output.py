@@ -48,13 +48,14 @@ def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
                 f"choose another folder with -o, or delete this one"
             )
     kept = StudyFile(path, replace=not resume)
+    if resume:  # what is there stays until it is written anew: a run may still be refused
+        return kept
     with writing(folder):
         for stale in (folder / ROWS, folder / CURVES, folder / TOTALS, *folder.glob("*.png")):
             stale.unlink(missing_ok=True)
-        if not resume:
-            shutil.rmtree(folder / FIELDS, ignore_errors=True)
-            for journal in (folder / RUNS).glob(f"*/{JOURNAL}"):
-                shutil.rmtree(journal.parent)
+        shutil.rmtree(folder / FIELDS, ignore_errors=True)
+        for journal in (folder / RUNS).glob(f"*/{JOURNAL}"):
+            shutil.rmtree(journal.parent)
     return kept
 
 
