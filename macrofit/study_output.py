@@ -245,16 +245,18 @@ def _totals(
 
 def _sentences(plan: Plan, records: Sequence[RunRecord], numbers: dict[str, Any]) -> list[str]:
     each = numbers["runs_cpu_s"] / len({run.digest for run in plan.runs})
-    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each; bodies assembled "
-             f"{max(numbers['assemblies_per_rank'])} times on a rank, "
-             f"{max(numbers['factorisations_per_rank'])} factorisations"]  # fmt: skip
+    assemblies, factorisations = (max(numbers[f"{what}_per_rank"]) for what in ("assemblies", "factorisations"))
+    times = "once" if assemblies == 1 else f"{assemblies} times"
+    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each; bodies assembled {times} on a rank, "
+             f"{factorisations} factorisations"]  # fmt: skip
     words = {"peak_force_N": ("Peak force", 1e-3, "kN"), "axle_max_von_mises_MPa": ("Stress, axle", 1.0, "MPa"),
              "wheel_max_von_mises_MPa": ("Stress, wheel", 1.0, "MPa")}  # fmt: skip
     for name, (word, scale, unit) in words.items():
         found = numbers["statistics"].get(name)
         if found is not None:
             low, mean, high = (scale * found[key] for key in ("min", "mean", "max"))
-            lines.append(f"{word:<15} {low:.5g} to {high:.5g} {unit}, mean {mean:.5g} {unit}")
+            several = f"{low:.5g} to {high:.5g} {unit}, mean " if found["runs"] > 1 else ""
+            lines.append(f"{word:<15} {several}{mean:.5g} {unit}")
     if numbers["unconverged_increments"]:
         lines.append(f"Not converged   {numbers['unconverged_increments']} increments")
     return lines
