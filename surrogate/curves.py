@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import TrainingError
+from .plots import BLUE, RED, sheet
 from .train import Curves
 
 
@@ -22,16 +23,11 @@ def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
     Raises:
         TrainingError: they cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     table, picture = stem.with_name(f"{stem.name}.loss.csv"), stem.with_name(f"{stem.name}.loss.png")
     epochs = range(len(curves.training))
-    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.plot(epochs, curves.training, color="#0072B2", label="training")
-    axes.plot(epochs, curves.validation, color="#D55E00", label="validation")
+    figure, axes = sheet(6.0, 4.0)
+    axes.plot(epochs, curves.training, color=BLUE, label="training")
+    axes.plot(epochs, curves.validation, color=RED, label="validation")
     axes.axvline(curves.best, color="0.5", linewidth=0.8, linestyle="--", label=f"kept: epoch {curves.best}")
     axes.set_xlabel("epoch")
     axes.set_ylabel(label)
@@ -46,7 +42,7 @@ def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
             for epoch in epochs:
                 before = "" if epoch == 0 else f"{curves.training[epoch]:.8g}"
                 rows.writerow([epoch, before, f"{curves.validation[epoch]:.8g}"])
-        figure.savefig(picture, dpi=150)
+        figure.savefig(picture)
     except OSError as error:
         raise TrainingError(f"{error.filename or table}: cannot be written: {error.strerror}") from error
     return [table, picture]

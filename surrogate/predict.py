@@ -74,11 +74,15 @@ class Predictor:
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
-            PredictionError: surfaces of another grid than the network's, or values that are not finite.
+            PredictionError: surfaces of another grid than the network's, values that are not finite, pairs of
+                surfaces that are not there.
         """
         n = self.provenance.points - 1
         self._check("wheel", wheels, (n + 1, n + 1))
         self._check("axle", axles, (2 * n + 1, n + 1))
+        for name, which, count in (("wheel", wheel, len(wheels)), ("axle", axle, len(axles))):
+            if which.shape != wheel.shape or (which.size and not 0 <= which.min() <= which.max() < count):
+                raise PredictionError(f"pairs name {name}s that are not there, or more of them than of the other")
         micros = self._micros(micro, len(wheel))
         wheel_faces, axle_faces = (
             torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)) for heights in (wheels, axles)

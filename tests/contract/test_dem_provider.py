@@ -11,8 +11,6 @@ import re
 import shutil
 import subprocess
 import sys
-import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,20 +46,6 @@ SMALL: dict[str, Any] = {
     "engine": {"increment": 0.05},
 }
 PAIRS = ((2, 5), (0, 1), (2, 3))
-
-
-@pytest.fixture(autouse=True)
-def packings(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing of these tests goes into the user's cache folder."""
-    monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path_factory.getbasetemp() / "packings"))
-
-
-@pytest.fixture
-def quiet() -> Iterator[None]:
-    """Every warning is an error."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def made(cache_dir: Path | None = None, tile_size: float = 0.5, modulus: float = 206e3, **options: Any) -> TileFriction:

@@ -5,12 +5,12 @@ Where the plates have to answer they are as small as they get (400 spheres, twen
 
 from __future__ import annotations
 
+import json
 import pickle
 import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,20 +41,6 @@ SMALL_PLATES: dict[str, Any] = {"plates": {"spheres": 400}, "engine": {"incremen
 PAIRS = ((2, 5), (0, 1), (2, 3), (2, 5))
 TOLERANCE = 0.0
 """Between answers in batches of another make-up: `Predictor` gives the same bits."""
-
-
-@pytest.fixture(autouse=True)
-def packings(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing of these tests goes into the user's cache folder."""
-    monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path_factory.getbasetemp() / "packings"))
-
-
-@pytest.fixture
-def quiet() -> Iterator[None]:
-    """Every warning is an error."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -520,6 +506,21 @@ def test_a_press_fit_on_predicted_friction(model: str) -> None:
     assert np.abs(fit.force / uniform.force - 1.0).max() < max(found) / min(found) - 1.0
     other = solve(build_scene(small_tables(provider="surrogate", options={"model": model, "seed": 3})), MPI.COMM_SELF)
     assert not np.array_equal(fit.force, other.force)
+
+
+def test_what_was_never_seen_is_said_and_counted(tmp_path: Path, model: str) -> None:
+    options = {"model": model, "micro_friction": 0.2, "fallback": "warning"}
+    scene = tmp_path / "scene.toml"
+    scene.write_text(toml(small_tables(provider="surrogate", options=options)).replace('":', '" ='))
+    done = subprocess.run(
+        [sys.executable, "-m", "macrofit", "run", str(scene), "-o", str(tmp_path / "out"), "--quiet"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert re.match(r"macrofit: warning: friction provider 'surrogate': .*micro_friction = 0\.2", done.stderr)
+    assert len(done.stderr.splitlines()) == 1  # no place in the code, whoever else takes warnings
+    counters = json.loads((tmp_path / "out" / "summary.json").read_text())["counters"]
+    assert counters["provider_out_of_range"] == counters["pairs_asked"] == 24
 
 
 @pytest.mark.parametrize(

@@ -125,6 +125,13 @@ def test_none_asked_none_answered(predictor: Predictor) -> None:
     assert len(predictor(*faces(), empty, empty, 0.07).held) == 0
 
 
+@pytest.mark.parametrize("pairs", [([WHEELS], [0]), ([-1], [0]), ([0], [AXLES]), ([0, 1], [0])])
+def test_pairs_of_surfaces_that_are_not_there(predictor: Predictor, pairs: tuple[list[int], list[int]]) -> None:
+    wheel, axle = (np.array(which) for which in pairs)
+    with pytest.raises(PredictionError, match="not there"):
+        predictor(np.zeros((WHEELS, POINTS, POINTS)), np.zeros((AXLES, 2 * POINTS - 1, POINTS)), wheel, axle, 0.07)
+
+
 def test_global_state_is_left(predictor: Predictor) -> None:
     before, threads = torch.get_rng_state(), torch.get_num_threads()
     predictor(*faces(), WHEEL, AXLE, 0.07)
