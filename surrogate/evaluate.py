@@ -64,6 +64,14 @@ class Measured:
         return np.broadcast_to(answers.reshape(n, -1, k), (n, p, k))
 
     @property
+    def bend(self) -> FloatArray:
+        """Largest distance of each test from its own straight line mu = a mu_micro + b [-], (n, p)."""
+        rows = self.meso.reshape(-1, len(self.micro)).T
+        a, b = np.polyfit(self.micro, rows, 1)
+        line = a[:, None] * self.micro + b[:, None]
+        return np.asarray(np.abs(rows.T - line).max(1).reshape(self.meso.shape[:2]))
+
+    @property
     def noise_floor(self) -> FloatArray:
         """Mean relative error of the true mean over packings against one packing (k,); nan from one packing."""
         if self.packings < 2:
@@ -269,6 +277,8 @@ def report(data: Measured, said: Predicted, others: list[Predicted], about: Mapp
         "packings": data.packings,
         "samples": int(data.meso.size),
         "lost_contact": int((~data.held).sum()),
+        "largest_bend": float(data.bend.max()),
+        "median_bend": float(np.median(data.bend)),
         **whole,
         "by_micro_friction": by_micro,
         "beside": {other.name: _measures(data, other) for other in others},

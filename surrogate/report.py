@@ -20,6 +20,7 @@ def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
         f"Noise floor     {_cell(floor)} % against one packing",
         f"R2 of b         {result['r2_b']:.3f}",
     ]
+    lines.append(f"Straight line   within {result['largest_bend']:.1e}, median {result['median_bend']:.1e}")
     at = result["by_micro_friction"].get("0.07")
     if at is not None:
         lines.append(

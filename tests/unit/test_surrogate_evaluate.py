@@ -108,6 +108,15 @@ def test_no_other_constant_ratio_does_better() -> None:
     assert ratio == pytest.approx(1.03, abs=0.01)
 
 
+def test_the_bend_is_the_distance_from_a_straight_line() -> None:
+    assert DATA.bend.max() < 1e-15  # made as lines
+    bent = DATA.meso.copy()
+    bent[3, 1] += np.array([1.0, -1.0, -1.0, 1.0]) * 1e-4  # at equal steps no line is nearer to this than zero
+    found = replace(DATA, meso=bent).bend
+    assert found[3, 1] == pytest.approx(1e-4)
+    assert np.delete(found.ravel(), 3 * PACKINGS + 1).max() < 1e-15
+
+
 def test_r2_is_of_the_intercept() -> None:
     first = Predicted("", DATA.meso)
     assert slope_r2(DATA, first) == pytest.approx(1.0)
