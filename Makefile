@@ -28,7 +28,7 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system demo test lint clean
+.PHONY: help setup setup-network setup-test system demo test bench lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -47,6 +47,10 @@ demo: setup-network ## press the built-in wheelset, on uniform and on rough fric
 test: setup-test ## serial tests, then the MPI ones on two ranks
 	$(BIN)/python -m pytest --durations=10
 	timeout 600 mpirun -n 2 $(BIN)/python -m pytest -m mpi tests
+
+NAMES :=
+bench: setup-test ## measure everything anew (an hour) and write docs/benchmarks.md; NAMES="cost sweep" for some
+	$(BIN)/python -m tests.benchmarks book $(NAMES)
 
 lint: setup-test ## style, types and who imports whom
 	$(BIN)/ruff check

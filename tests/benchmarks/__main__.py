@@ -1,19 +1,21 @@
-"""`python -m tests.benchmarks NAME [options]`: run one benchmark; without a name, list them."""
+"""`python -m tests.benchmarks NAME [options]`: run one benchmark, or `book` for all; without a name, list them."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
-from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-NAMES = sorted(path.stem for path in Path(__file__).parent.glob("*.py") if not path.stem.startswith("__"))
+from ._book import main as book
+from ._book import names
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in NAMES:
-        print("usage: python -m tests.benchmarks NAME [options]; names:", ", ".join(NAMES))
+    if sys.argv[1:2] == ["book"]:
+        sys.exit(book(sys.argv[2:]))
+    if len(sys.argv) < 2 or sys.argv[1] not in names():
+        print("usage: python -m tests.benchmarks NAME [options]; names:", ", ".join(names()), "and book, for all")
         sys.exit(2)
     sys.exit(importlib.import_module(f"tests.benchmarks.{sys.argv[1]}").main(sys.argv[2:]))
