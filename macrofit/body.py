@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from .elasticity import weak_form
 from .errors import MeshError
 from .fenics import Discretisation, Factor, discretise, schur_complement
-from .geometry import FloatArray, Generatrix, draw, polyline
+from .geometry import FloatArray, Generatrix, Sizes, draw, polyline
 from .material import Material
 from .mesh import IntArray, MeshData, mesh_drawing, read_mesh
 from .scene_keys import Drawn, Scene
@@ -93,8 +93,7 @@ class Body:
             data = read_mesh(str(getattr(keys, which)), which)
             generatrix = None
         else:
-            facet = keys.seat_facet if which == "axle" else (keys.bore_facet or 0.97 * keys.seat_facet)
-            drawing = draw(spec, contact, facet)
+            drawing = draw(spec, contact, Sizes.of(keys, contact))
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
         moduli = (self.material.lame_lambda, self.material.shear_modulus)
         self.space = discretise(data, keys.order, weak_form, moduli)

@@ -15,10 +15,27 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from .scene_keys import Disc, Hub, Shaft
+from .scene_keys import Disc, Hub, MeshKeys, Shaft
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Lengths of the facets of a contact line [mm]: in general, in the arcs of its corners; and the growth between."""
+
+    facet: float
+    corner: float
+    growth: float
+
+    @classmethod
+    def of(cls, keys: MeshKeys, contact: str) -> Sizes:
+        """Those of the seat or the bore, by the keys of a scene."""
+        bore_facet = 0.97 * keys.seat_facet if keys.bore_facet is None else keys.bore_facet
+        scale = 1.0 if contact == "seat" else bore_facet / keys.seat_facet
+        corner = keys.seat_facet if keys.corner_facet is None else keys.corner_facet
+        return cls(scale * keys.seat_facet, scale * corner, keys.growth)
 
 
 @dataclass(frozen=True)
@@ -56,12 +73,30 @@ class Generatrix:
         root = np.sqrt(np.maximum(self.radius[k] ** 2 - offset**2, 1e-300))
         return np.where(self.bend[k] == 0.0, self.slope0[k], -self.bend[k] * offset / root)
 
-    def nodes(self, facet: float) -> FloatArray:
-        """Coordinates that divide every piece evenly into facets of about ``facet`` [mm]."""
-        pieces = [
-            np.linspace(a, b, max(1, round((b - a) / facet)), endpoint=False)
-            for a, b in zip(self.breaks[:-1], self.breaks[1:], strict=True)
-        ]
+    def bends(self, s: FloatArray) -> npt.NDArray[np.bool_]:
+        """Whether each s lies in an arc."""
+        return np.asarray(self.bend[self._piece(s)] != 0.0)
+
+    def nodes(self, sizes: Sizes) -> FloatArray:
+        """Coordinates of the facets' ends: every piece divided as ``sizes`` say, the graded ones by equal shares.
+
+        Beside an arc whose facets are shorter, the wanted length is h(s) = min(facet, corner + growth distance), and
+        a piece has the nodes where the integral of ds / h passes the multiples of an n-th of its total.
+        """
+        bends = self.bend != 0.0
+        starts, ends = self.breaks[:-1][bends], self.breaks[1:][bends]
+        pieces = []
+        for a, b, bend in zip(self.breaks[:-1], self.breaks[1:], bends, strict=True):
+            if bend or not len(starts) or sizes.corner >= sizes.facet:
+                length = sizes.corner if bend else sizes.facet
+                pieces.append(np.linspace(a, b, max(1, round((b - a) / length)), endpoint=False))
+                continue
+            s = np.linspace(a, b, 2 + math.ceil(8.0 * (b - a) / sizes.corner))
+            distance = np.maximum(starts[:, None] - s, s - ends[:, None]).min(axis=0)
+            wanted = np.minimum(sizes.facet, sizes.corner + sizes.growth * distance)
+            passed = np.append(0.0, np.cumsum(np.diff(s) * 0.5 * (1.0 / wanted[1:] + 1.0 / wanted[:-1])))
+            shares = np.linspace(0.0, passed[-1], max(1, round(passed[-1])), endpoint=False)
+            pieces.append(np.interp(shares, passed, s))
         return np.append(np.concatenate(pieces), self.breaks[-1])
 
     def _piece(self, s: FloatArray) -> npt.NDArray[np.intp]:
@@ -75,6 +110,7 @@ class Edge:
     start: Point
     end: Point
     name: str
+    corner: bool = False  # a facet in one of the contact line's arcs
 
 
 @dataclass(frozen=True)
@@ -84,7 +120,7 @@ class Drawing:
     edges: tuple[Edge, ...]
     generatrix: Generatrix
     contact: str  # name of the contact line, "seat" or "bore"
-    facet: float
+    sizes: Sizes
 
 
 def polyline(points: FloatArray) -> Generatrix:
@@ -132,13 +168,13 @@ def _assemble(pieces: list[tuple[float, ...]], end: float) -> Generatrix:
 
 
 @singledispatch
-def draw(body: object, contact: str, facet: float) -> Drawing:
+def draw(body: object, contact: str, sizes: Sizes) -> Drawing:
     """The outline and generatrix of a body; ``contact`` names its contact line, 'seat' or 'bore'."""
     raise TypeError(f"nothing to draw for {type(body).__name__}")
 
 
 @draw.register
-def _(axle: Shaft, contact: str, facet: float) -> Drawing:
+def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
     seat, length, taper = axle.seat_radius, axle.seat_length, axle.taper_length
     mouth = seat - axle.taper_height
     profile = [(-taper, mouth), (0.0, seat), (length, seat)] if taper > 0.0 else [(0.0, seat), (length, seat)]
@@ -155,12 +191,12 @@ def _(axle: Shaft, contact: str, facet: float) -> Drawing:
         ((lead, -taper), "", 0.0),
         ((mouth, -taper), "", 0.0),
     ]
-    contact_edges = _contact_edges(generatrix, facet, contact, radial=True)
-    return Drawing((*contact_edges, *_closing((seat, length), corners)), generatrix, contact, facet)
+    contact_edges = _contact_edges(generatrix, sizes, contact, radial=True)
+    return Drawing((*contact_edges, *_closing((seat, length), corners)), generatrix, contact, sizes)
 
 
 @draw.register
-def _(wheel: Hub, contact: str, facet: float) -> Drawing:
+def _(wheel: Hub, contact: str, sizes: Sizes) -> Drawing:
     bore, rear = wheel.bore_radius, -wheel.hub_length
     mouth = (0.0, bore + wheel.chamfer_height)
     corner = (-wheel.chamfer_length, bore)
@@ -176,12 +212,12 @@ def _(wheel: Hub, contact: str, facet: float) -> Drawing:
         *_web(wheel),
         ((wheel.hub_outer_radius, rear), "", 0.0),
     ]
-    contact_edges = _contact_edges(generatrix, facet, contact, radial=True)
-    return Drawing((*contact_edges, *_closing((mouth[1], 0.0), [*corners, *closing])), generatrix, contact, facet)
+    contact_edges = _contact_edges(generatrix, sizes, contact, radial=True)
+    return Drawing((*contact_edges, *_closing((mouth[1], 0.0), [*corners, *closing])), generatrix, contact, sizes)
 
 
 @draw.register
-def _(disc: Disc, contact: str, facet: float) -> Drawing:
+def _(disc: Disc, contact: str, sizes: Sizes) -> Drawing:
     reach = disc.radius if disc.contact_radius is None else disc.contact_radius
     inside = 1.0 if contact == "seat" else -1.0  # the held disc lies above its contact face, the pushed one below
     crown = disc.crown_radius
@@ -195,17 +231,18 @@ def _(disc: Disc, contact: str, facet: float) -> Drawing:
     back, name = inside * disc.thickness, "held" if contact == "seat" else "pushed"
     corners = [((float(r), face(float(r))), "", 0.0) for r in beyond]
     corners += [((disc.radius, back), "", 0.0), ((0.0, back), name, 0.0), ((0.0, 0.0), "axis", 0.0)]
-    contact_edges = _contact_edges(generatrix, facet, contact, radial=False)
-    return Drawing((*contact_edges, *_closing((reach, face(reach)), corners)), generatrix, contact, facet)
+    contact_edges = _contact_edges(generatrix, sizes, contact, radial=False)
+    return Drawing((*contact_edges, *_closing((reach, face(reach)), corners)), generatrix, contact, sizes)
 
 
-def _contact_edges(generatrix: Generatrix, facet: float, name: str, *, radial: bool) -> list[Edge]:
-    s = generatrix.nodes(facet)
+def _contact_edges(generatrix: Generatrix, sizes: Sizes, name: str, *, radial: bool) -> list[Edge]:
+    s = generatrix.nodes(sizes)
     h = generatrix.height(s)
     points = (
         list(zip(h.tolist(), s.tolist(), strict=True)) if radial else list(zip(s.tolist(), h.tolist(), strict=True))
     )
-    return [Edge(a, b, name) for a, b in pairwise(points)]
+    corners = generatrix.bends(0.5 * (s[1:] + s[:-1])).tolist()
+    return [Edge(a, b, name, bend) for (a, b), bend in zip(pairwise(points), corners, strict=True)]
 
 
 def _closing(start: Point, corners: list[tuple[Point, str, float]]) -> list[Edge]:

@@ -36,8 +36,7 @@ def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add(drawing.contact)
-        lines = _add_outline(gmsh, drawing, coarse)
-        _grade(gmsh, drawing, lines, coarse, growth)
+        _grade(gmsh, drawing, *_add_outline(gmsh, drawing), coarse, growth)
         gmsh.model.mesh.generate(2)
         return _extract(gmsh)
     except Exception as error:
@@ -47,7 +46,8 @@ def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
         signal.signal(signal.SIGINT, interrupt)
 
 
-def _add_outline(gmsh, drawing: Drawing, coarse: float) -> dict[str, list[int]]:  # type: ignore[no-untyped-def]
+def _add_outline(gmsh, drawing: Drawing) -> tuple[list[int], list[int]]:  # type: ignore[no-untyped-def]
+    """Lines of the contact line's facets, and those of them that lie in its corners."""
     geo = gmsh.model.geo
     tags: dict[tuple[float, float], int] = {}
     for edge in drawing.edges:
@@ -56,7 +56,7 @@ def _add_outline(gmsh, drawing: Drawing, coarse: float) -> dict[str, list[int]]:
             if key not in tags:
                 tags[key] = geo.addPoint(point[0], point[1], 0.0)
     lines: dict[str, list[int]] = {}
-    loop = []
+    loop, corner = [], []
     for edge in drawing.edges:
         ends = (tags[round(p[0], 9), round(p[1], 9)] for p in (edge.start, edge.end))
         line = geo.addLine(*ends)
@@ -64,27 +64,31 @@ def _add_outline(gmsh, drawing: Drawing, coarse: float) -> dict[str, list[int]]:
         lines.setdefault(edge.name, []).append(line)
         if edge.name == drawing.contact:
             geo.mesh.setTransfiniteCurve(line, 2)
+        if edge.corner:
+            corner.append(line)
     surface = geo.addPlaneSurface([geo.addCurveLoop(loop)])
     geo.synchronize()
     gmsh.model.addPhysicalGroup(2, [surface])
     for name, members in lines.items():
         if name:
             gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, members), name)
-    return lines
+    return lines[drawing.contact], corner
 
 
-def _grade(gmsh, drawing: Drawing, lines: dict[str, list[int]], coarse: float, growth: float) -> None:  # type: ignore[no-untyped-def]
-    """Element size = facet + growth * distance to the contact line, at most coarse."""
-    field = gmsh.model.mesh.field
-    distance = field.add("Distance")
-    nodes = sorted({tag for line in lines[drawing.contact] for _, tag in gmsh.model.getBoundary([(1, line)])})
-    field.setNumbers(distance, "NodesList", nodes)
-    size = field.add("MathEval")
-    field.setString(size, "F", f"{drawing.facet!r} + {growth!r} * F{distance}")
-    limit = field.add("MathEval")
-    field.setString(limit, "F", repr(max(coarse, drawing.facet)))
+def _grade(gmsh, drawing: Drawing, contact: list[int], corner: list[int], coarse: float, growth: float) -> None:  # type: ignore[no-untyped-def]
+    """Element size = facet + growth * distance to the contact line, also from its corners' facets, at most coarse."""
+    field, sizes = gmsh.model.mesh.field, drawing.sizes
+    fields = [field.add("MathEval")]
+    field.setString(fields[0], "F", repr(max(coarse, sizes.facet)))
+    for lines, facet in ((contact, sizes.facet), (corner if sizes.corner < sizes.facet else [], sizes.corner)):
+        if lines:
+            distance = field.add("Distance")
+            nodes = sorted({tag for line in lines for _, tag in gmsh.model.getBoundary([(1, line)])})
+            field.setNumbers(distance, "NodesList", nodes)
+            fields.append(field.add("MathEval"))
+            field.setString(fields[-1], "F", f"{facet!r} + {growth!r} * F{distance}")
     least = field.add("Min")
-    field.setNumbers(least, "FieldsList", [size, limit])
+    field.setNumbers(least, "FieldsList", fields)
     field.setAsBackgroundMesh(least)
     for option in ("MeshSizeFromPoints", "MeshSizeExtendFromBoundary", "MeshSizeFromCurvature"):
         gmsh.option.setNumber(f"Mesh.{option}", 0)

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from .errors import MacrofitError
-from .geometry import FloatArray, draw
+from .geometry import FloatArray, Sizes, draw
 from .mesh import read_mesh
 from .scene import Drawn, Hub, Scene, Shaft
 
@@ -202,8 +202,8 @@ def first_touch(scene: Scene) -> float | None:
     """
     if isinstance(scene.axle, Drawn) or isinstance(scene.wheel, Drawn):
         return None
-    seat = draw(scene.axle, "seat", scene.mesh.seat_facet).generatrix
-    bore = draw(scene.wheel, "bore", scene.mesh.seat_facet).generatrix
+    seat = draw(scene.axle, "seat", Sizes.of(scene.mesh, "seat")).generatrix
+    bore = draw(scene.wheel, "bore", Sizes.of(scene.mesh, "bore")).generatrix
     ends = (seat.breaks[[0, -1]], bore.breaks[[0, -1]])
     radial = scene.direction == "radial"
     for displacement in scene.displacements:
@@ -221,7 +221,7 @@ def first_touch(scene: Scene) -> float | None:
 def seat_ends(scene: Scene) -> FloatArray | None:
     """Facet ends of the seat [mm] from the scene alone, for a run that ended before its solution."""
     if not isinstance(scene.axle, Drawn):
-        return draw(scene.axle, "seat", scene.mesh.seat_facet).generatrix.nodes(scene.mesh.seat_facet)
+        return draw(scene.axle, "seat", (sizes := Sizes.of(scene.mesh, "seat"))).generatrix.nodes(sizes)
     if scene.mesh.axle is None:
         return None
     try:

@@ -41,7 +41,7 @@ def check(scene: Scene) -> None:
     if isinstance(scene.wheel, Hub):
         _check_hub(scene.wheel)
     _check_pair(scene)
-    _positive("mesh", scene.mesh, "seat_facet", "bore_facet", "coarse")
+    _positive("mesh", scene.mesh, "seat_facet", "bore_facet", "corner_facet", "coarse")
     _not_negative("mesh", scene.mesh, "growth")
     _positive("contact", scene.contact, "gamma0", "penalty_stiffness")
     _need(scene.output.frames >= 0, f"output.frames: {scene.output.frames} must not be negative")

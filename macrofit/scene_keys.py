@@ -75,6 +75,7 @@ class MeshKeys(Keys, frozen=True):
     order: Literal[1, 2] = 2
     seat_facet: float = 1.0  # length of a facet of the seat [mm]
     bore_facet: float | None = None  # None: 0.97 seat_facet, so that the two lines never repeat their phase
+    corner_facet: float | None = None  # in the arcs of seat and bore (blends, crowns) [mm]; None: as elsewhere
     coarse: float = 20.0  # largest element [mm]
     growth: float = 0.35  # growth of the element size with the distance from the contact line
     axle: str | None = None

@@ -9,8 +9,8 @@ import sys
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-from ._book import main as book
-from ._book import names
+from ._book import main as book  # noqa: E402
+from ._book import names  # noqa: E402
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["book"]:

@@ -10,7 +10,7 @@ import pytest
 from small import small_press
 
 from macrofit.errors import MeshError
-from macrofit.geometry import draw
+from macrofit.geometry import Sizes, draw
 from macrofit.mesh import MeshData, mesh_drawing, read_mesh
 from macrofit.scene import build_scene, load_scene
 from macrofit.solve import solve
@@ -24,10 +24,48 @@ def area(data: MeshData) -> float:
     return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
 
 
+def even(facet: float) -> Sizes:
+    """Facets alike everywhere [mm]."""
+    return Sizes(facet, facet, 0.35)
+
+
+def test_facets_are_graded_towards_the_corners() -> None:
+    """Every facet has the wanted length min(facet, corner + growth distance) within 8 %."""
+    sizes = Sizes(4.0, 0.5, 0.3)
+    for body, contact in ((load_scene("wheelset").axle, "seat"), (load_scene("wheelset").wheel, "bore")):
+        line = draw(body, contact, sizes).generatrix
+        s = line.nodes(sizes)
+        length, middle = np.diff(s), 0.5 * (s[1:] + s[:-1])
+        arc = line.bends(middle)
+        bend = np.flatnonzero(line.bend)[0]
+        low, high = line.breaks[bend], line.breaks[bend + 1]
+        distance = np.maximum(np.maximum(low - middle, middle - high), 0.0)
+        wanted = np.where(arc, 0.5, np.minimum(4.0, 0.5 + 0.3 * distance))
+        assert length / wanted == pytest.approx(1.0, abs=0.08)
+        assert set(line.breaks) <= set(s)
+        assert max(length[1:] / length[:-1]) < 1.45
+
+
+def test_elements_follow_the_graded_facets() -> None:
+    """At the corner's facets triangles are as small as they, far along the line as the others; fewer than all fine."""
+    scene = load_scene("wheelset")
+    graded, fine = (
+        mesh_drawing(draw(scene.axle, "seat", sizes), 20.0, 0.35) for sizes in (Sizes(4.0, 0.5, 0.35), even(0.5))
+    )
+    assert len(graded.triangles) < 0.4 * len(fine.triangles)
+    centre = graded.points[graded.triangles].mean(axis=1)
+    a, b, c = (graded.points[graded.triangles[:, k]] for k in range(3))
+    size = np.sqrt(np.abs(np.cross(b - a, c - a)) / 2.0 * 4.0 / np.sqrt(3.0))  # edge of the equal equilateral one
+    corner = np.hypot(centre[:, 0] - 95.0, centre[:, 1]) < 3.0
+    assert np.median(size[corner]) < 0.9
+    far = (np.abs(centre[:, 1] - 120.0) < 20.0) & (centre[:, 0] > 91.0)
+    assert np.median(size[far]) > 3.0
+
+
 def test_drawn_mesh_fills_the_outline() -> None:
     """The shoelace area of the outline equals that of the triangles."""
     scene = load_scene("wheelset")
-    drawing = draw(scene.wheel, "bore", 2.0)
+    drawing = draw(scene.wheel, "bore", even(2.0))
     points = np.array([edge.start for edge in drawing.edges])
     ends = np.array([edge.end for edge in drawing.edges])
     assert np.allclose(points[1:], ends[:-1])
@@ -39,7 +77,7 @@ def test_drawn_mesh_fills_the_outline() -> None:
 def test_blends_are_tangent() -> None:
     """Height and slope of the contact generatrix are continuous at the ends of its arcs; nodes lie on it."""
     for body, contact in ((load_scene("wheelset").axle, "seat"), (load_scene("wheelset").wheel, "bore")):
-        line = draw(body, contact, 1.0).generatrix
+        line = draw(body, contact, even(1.0)).generatrix
         for s in line.breaks[1:-1]:
             sides = np.array([s - 1e-9, s + 1e-9])
             assert np.ptp(line.height(sides)) < 1e-9
@@ -69,7 +107,7 @@ def test_own_meshes_give_the_drawn_forces(tmp_path: Path) -> None:
     (With blends it holds chords, and only a drawing has the arcs.)
     """
     scene = small_press("axle.taper_blend=0", "wheel.chamfer_blend=0")
-    drawings = draw(scene.axle, "seat", 5.0), draw(scene.wheel, "bore", 4.7)
+    drawings = draw(scene.axle, "seat", even(5.0)), draw(scene.wheel, "bore", even(4.7))
     for body, drawing in zip(("axle", "wheel"), drawings, strict=True):
         write(tmp_path / f"{body}.vtk", mesh_drawing(drawing, scene.mesh.coarse, scene.mesh.growth), ".vtk")
     assert from_files(tmp_path, ".vtk") == pytest.approx(solve(scene).force, rel=1e-9)
