@@ -53,18 +53,19 @@ class Condensed:
 
     def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
-        index, band, compliance = facing.covered.index, facing.pairing.bore, self.wheel.compliance
+        index, band = facing.covered.index, facing.pairing.bore
         nodes = len(self.wheel.line.nodes)
+        compliance = self.wheel.compliance.reshape(2, nodes, 2, nodes)[:, band.span, :, band.span]
         n_r, n_z = facing.covered.normals.T
         frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
-        spread = np.zeros((facing.moments, 2 * nodes))
-        for component, scale in enumerate(frame[rows]):
-            band.add_product(spread, scale, compliance[component * nodes : (component + 1) * nodes])
-        every = np.ix_(index, index)
-        both = [self._influence[j, rows][every] for j in range(2)]
+        spread = np.zeros((2, facing.moments, band.matrix.shape[1]))
+        for here, scale in enumerate(frame[rows]):
+            for there in (0, 1):
+                band.add_product(spread[there], scale, compliance[here, :, there])
+        both = [_chosen(self._influence[j, rows], index, self.seat.size) for j in range(2)]
         for out, direction in zip(both, frame, strict=True):
             for component, scale in enumerate(direction):
-                band.add_product(out, scale, spread[:, component * nodes : (component + 1) * nodes].T)
+                band.add_product(out, scale, spread[component].T)
         return both
 
     def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +135,7 @@ class CondensedProblem:
     def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
         seat_load, bore_load = self.facing.loads(answer.total)
-        return self.engine.own_compliance @ seat_load, self.engine.wheel.compliance @ bore_load
+        return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
 
     def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
         """Follow a change of kappa in the rows of the response that the next residual needs."""
@@ -186,6 +187,30 @@ class CondensedProblem:
         transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
         transposed[np.searchsorted(active, sticking), a + np.arange(k)] -= (share * n_r / covered.gamma)[sticking]
         return transposed.T
+
+
+def _chosen(matrix: FloatArray, index: IntArray, size: int) -> FloatArray:
+    """matrix[index][:, index], for an ``index`` that ascends without holes where it is below ``size``."""
+    whole = index < size
+    out = np.empty((len(index), len(index)))
+    rows, spare = _span(np.flatnonzero(whole)), np.flatnonzero(~whole)
+    if whole.any():
+        part = _span(index[whole])
+        out[rows, rows] = matrix[part, part]
+    out[spare] = matrix[index[spare]][:, index]
+    out[:, spare] = matrix[:, index[spare]][index]
+    return out
+
+
+def _product(matrix: FloatArray, load: FloatArray) -> FloatArray:
+    """matrix @ load of two components (2 n,), without the columns before the first and after the last load."""
+    loaded = np.flatnonzero(load.reshape(2, -1).any(axis=0))
+    if not len(loaded):
+        return np.zeros(len(matrix))
+    within = slice(int(loaded[0]), int(loaded[-1]) + 1)
+    r, z = load.reshape(2, -1)[:, within]
+    blocks = matrix.reshape(len(matrix), 2, -1)
+    return np.asarray(blocks[:, 0, within] @ r + blocks[:, 1, within] @ z)
 
 
 def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:

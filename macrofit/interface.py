@@ -19,16 +19,12 @@ _BLOCK = 16  # portions in a block of a Band
 class Band:
     """A sparse matrix of moments whose entries lie along a band, as dense blocks of rows for products with matrices."""
 
-    matrix: FloatArray  # (n, columns), zero outside the blocks
-    blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each
-
-    @property
-    def span(self) -> slice:
-        """The columns that have entries lie within."""
-        return slice(min(columns.start for _, columns in self.blocks), max(columns.stop for _, columns in self.blocks))
+    matrix: FloatArray  # (n, columns of the span), zero outside the blocks
+    span: slice  # the columns that have entries lie within
+    blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each, the latter counted from the span's first
 
     def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
-        """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (columns, k); skips zero blocks."""
+        """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (span, k); skips zero blocks."""
         for rows, columns in self.blocks:
             if scale[rows].any():
                 out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
@@ -40,15 +36,16 @@ class Pairing:
 
     portions: Portions
     normals: FloatArray  # (p n, 2)
+    nodes: int  # of the bore
     bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
-    slope: FloatArray  # (p n, bore nodes): moments of its derivative along the bore
+    slope: FloatArray  # (p n, span of the band): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
     clearance: float  # smallest undeformed gap at the ends that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
         """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
-        r, z = (self.bore.matrix @ displacement.reshape(2, -1).T).T
+        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.bore.matrix.T
         n_r, n_z = self.normals.T
         return np.stack([n_r * r + n_z * z, n_r * z - n_z * r])
 
@@ -56,17 +53,21 @@ class Pairing:
         """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]."""
         n_r, n_z = self.normals.T
         components = np.stack([n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]])
-        return np.asarray((components @ self.bore.matrix).ravel())
+        loads = np.zeros((2, self.nodes))
+        loads[:, self.bore.span] = components @ self.bore.matrix
+        return loads.ravel()
 
     def bore_slope(self, displacement: FloatArray) -> FloatArray:
         """n . du/ds (p n,), moments along the bore."""
-        r, z = (self.slope @ displacement.reshape(2, -1).T).T
+        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.slope.T
         return np.asarray(self.normals[:, 0] * r + self.normals[:, 1] * z)
 
     @property
     def bore_rows(self) -> sp.csr_matrix:
         """N as a sparse matrix (2 p n, 2 bore nodes)."""
-        n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(self.bore.matrix) for k in (0, 1))
+        matrix = np.zeros((len(self.normals), self.nodes))
+        matrix[:, self.bore.span] = self.bore.matrix
+        n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(matrix) for k in (0, 1))
         return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
 
 
@@ -133,7 +134,9 @@ def _pairing(
     extent = x[bore_facet + 1] - x[bore_facet]
     zeta = s - (travel if seat.radial else 0.0)
     values, slopes = shape(bore.order, (zeta - x[bore_facet]) / extent)
-    columns = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
+    nodes = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
+    span = slice(int(nodes[0, 0]), int(nodes[-1, -1]) + 1)
+    columns = nodes - span.start
     normals = np.repeat(seat.normals[portions.facet], test.shape[1], axis=0)
     normal = seat.normals[portions.facet[which]]
     height = bore.generatrix.height(zeta) - seat.generatrix.height(s)
@@ -142,11 +145,12 @@ def _pairing(
         lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
     else:
         gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
-    size = (len(normals), len(bore.nodes))
+    size = (len(normals), span.stop - span.start)
     return Pairing(
         portions,
         normals,
-        Band(_dense_rows(entries(test, values, which, columns), size), _blocks(which, columns, test.shape[1])),
+        len(bore.nodes),
+        Band(_dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])),
         _dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
         _mean(test, gap, which, len(portions.facet)),
         _mean(test, lean, which, len(portions.facet)),

@@ -11,7 +11,10 @@ from .contact import Answer, Status, classify, law
 from .geometry import FloatArray
 
 TOLERANCE = 1e-10
-"""Largest relative change of the traction in the last step; the error left is some hundred times smaller."""
+"""Largest error of the traction that is left, relative to the largest traction."""
+
+CONTRACTION = 1e-2
+"""Least factor between two changes that is believed; those of kappa are below."""
 
 
 class LinearProblem(Protocol):
@@ -41,19 +44,21 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
-    displacement, is taken from the step before. A status that comes back is a cycle: from then on repeated ones
-    change one moment at a time.
+    displacement, is taken from the step before. The changes of the traction then fall geometrically, and the last two
+    say what is left: change * (change / change before). A status that comes back is a cycle: from then on repeated
+    ones change one moment at a time.
     """
     limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
-    before: FloatArray | None = None
+    before, last = None, np.inf
     seen: set[bytes] = set()
     for iteration in range(1, limit + 1):
         answer = problem.solve(status, kappa, friction)
         asked = classify(answer.trial, friction, status)
         scale = float(np.abs(answer.traction).max(initial=0.0))
+        change = np.inf if before is None else float(np.abs(answer.traction - before).max(initial=0.0))
+        left = change * min(max(change / last, CONTRACTION), 1.0) if 0.0 < last < np.inf else change
         settled = asked.same(status) and (
-            bool((np.abs(answer.kappa - kappa) <= 1e-13).all())
-            or (before is not None and float(np.abs(answer.traction - before).max(initial=0.0)) <= TOLERANCE * scale)
+            left <= TOLERANCE * scale or bool((np.abs(answer.kappa - kappa) <= 1e-13).all())
         )
         if settled or iteration == limit:
             break
@@ -61,7 +66,7 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         if key in seen:
             asked = _one_change(status, asked, answer.trial, friction)
         seen.add(key)
-        before, status, kappa = answer.traction, asked, answer.kappa
+        before, last, status, kappa = answer.traction, change, asked, answer.kappa
     error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
     return Report(answer, status, iteration, error / scale if scale else error, settled)
 

@@ -18,6 +18,7 @@ import msgspec
 
 from .errors import SceneError
 from .material import Material
+from .presets import refined
 from .scene_checks import check
 from .scene_keys import (
     ContactKeys,
@@ -46,7 +47,7 @@ __all__ = [
     "scene_names",
 ]
 
-PROVIDER = "friction.provider"
+PROVIDER, PRESET = "friction.provider", "preset"
 
 
 def scene_names() -> list[str]:
@@ -55,14 +56,19 @@ def scene_names() -> list[str]:
     return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
-def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
+def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | None = None) -> Scene:
     """Read a scene: a built-in name or a TOML file, changed by ``key=value`` overrides (dotted keys).
 
-    Another friction provider starts without the options of the one it replaces, wherever in the order it is named.
-    Raises SceneError with one line that names the key.
+    A ``preset`` (see `presets`), which an override ``preset=name`` names too, scales the mesh sizes that the scene has
+    before any override changes them. Another friction provider starts without the options of the one it replaces,
+    wherever in the order it is named. Raises SceneError with one line that names the key.
     """
     raw, folder = _read(source)
-    for override in sorted(overrides, key=lambda text: text.partition("=")[0].strip() != PROVIDER):
+    parts = [(text.partition("=")[0].strip(), text) for text in overrides]
+    named = [text.partition("=")[2].strip() for key, text in parts if key == PRESET]
+    for name in named[-1:] or ([] if preset is None else [preset]):
+        raw = refined(raw, name)
+    for _, override in sorted((part for part in parts if part[0] != PRESET), key=lambda part: part[0] != PROVIDER):
         _override(raw, override)
     return build_scene(raw, folder)
 

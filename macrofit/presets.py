@@ -1,0 +1,68 @@
+"""How fine a scene is meshed, in one word: what a preset does to the scene's own sizes, its error and its cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from .errors import SceneError
+
+
+class Preset(NamedTuple):
+    """Factors on the sizes that a scene gives or has by default, and what came of them for `wheelset`.
+
+    The last three are measured by `python -m tests.benchmarks work_precision`, which compares them with what it finds.
+    """
+
+    facet: float  # times mesh.seat_facet, and mesh.bore_facet where it is given
+    corner: float  # times mesh.corner_facet, or mesh.seat_facet where the former is not given
+    growth: float  # times mesh.growth
+    force_error: float  # largest along the fitting curve, over its peak
+    stress_error: float  # of the largest von Mises stress, the worse body
+    cpu_s: float  # of 180 increments, beyond imports; of one machine
+
+    def __str__(self) -> str:
+        """Its errors and cost, for people."""
+        return f"force {self.force_error:.0e}, stress {100 * self.stress_error:.1g} %, {self.cpu_s:.1g} s"
+
+
+PRESETS = {
+    "fast": Preset(4.0, 1.0, 1.0, 1e-3, 5e-3, 0.8),
+    "balanced": Preset(1.0, 1.0, 1.0, 2e-4, 13e-3, 2.0),
+    "accurate": Preset(0.5, 0.25, 0.7, 5e-5, 3e-3, 7.0),
+}
+
+
+def summary() -> str:
+    """One line for help texts: every preset with its error and cost."""
+    return "; ".join(f"{name}: {preset}" for name, preset in PRESETS.items())
+
+
+def refined(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The tables of a scene with [mesh] as a preset has it; what they say wrongly is left for the scene's checks.
+
+    Discs keep one size all along the line: their whole contact line may be an arc.
+
+    Raises SceneError where there is no such preset, or nothing it could do because the meshes come from files.
+    """
+    import msgspec  # here, because the command line wants no more than the table above for its help
+
+    from .scene_keys import MeshKeys
+
+    if name not in PRESETS:
+        raise SceneError(f"no preset '{name}'; there are {', '.join(PRESETS)}")
+    preset = PRESETS[name]
+    try:
+        keys = msgspec.convert(tables.get("mesh", {}), MeshKeys)
+    except msgspec.ValidationError:
+        return dict(tables)
+    if keys.axle is not None and keys.wheel is not None:
+        raise SceneError(f"mesh.axle, mesh.wheel: the preset '{name}' cannot refine meshes from files; leave it out")
+    sizes = {"seat_facet": preset.facet * keys.seat_facet, "growth": preset.growth * keys.growth}
+    if keys.bore_facet is not None:
+        sizes["bore_facet"] = preset.facet * keys.bore_facet
+    corner = keys.seat_facet if keys.corner_facet is None else keys.corner_facet
+    discs = any(isinstance(body := tables.get(b), Mapping) and body.get("shape") == "disc" for b in ("axle", "wheel"))
+    if keys.corner_facet is not None or (preset.corner != preset.facet and not discs):
+        sizes["corner_facet"] = (preset.facet if discs else preset.corner) * corner
+    return {**tables, "mesh": {**tables.get("mesh", {}), **sizes}}
