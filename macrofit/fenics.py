@@ -6,25 +6,47 @@ Written for dolfinx 0.5.2 (Debian 12).
 from __future__ import annotations
 
 import ctypes
+import importlib.metadata
 import logging
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-import basix
 import numpy as np
 import petsc4py.lib
 import scipy.sparse as sp
-import ufl
-from dolfinx import fem, mesh
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from .geometry import FloatArray
 from .mesh import IntArray, MeshData
+
+
+@contextmanager
+def _own_versions_only() -> Iterator[None]:
+    """Spare ufl and ffcx a tenth of a second: pkg_resources reads all that is installed to tell them their version."""
+    if "pkg_resources" in sys.modules:
+        yield
+        return
+    stand_in = ModuleType("pkg_resources")
+    stand_in.get_distribution = importlib.metadata.distribution  # type: ignore[attr-defined]
+    sys.modules["pkg_resources"] = stand_in
+    try:
+        yield
+    finally:
+        del sys.modules["pkg_resources"]
+
+
+with _own_versions_only():
+    import basix
+    import ufl
+    from dolfinx import fem, mesh
+    from dolfinx.fem import petsc as fem_petsc
 
 logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log, with their place in the code
 

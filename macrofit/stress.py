@@ -126,10 +126,12 @@ def _evaluate(
 ) -> _BodyStresses:
     body = evaluator.body
     factored, solved = body.factorisations, body.back_substitutions
-    reactions = np.full(len(loads), np.nan)
+    loaded = [k for k, load in enumerate(loads) if load.any()]  # where none is, nothing is displaced
+    reactions = np.zeros(len(loads))
+    reactions[loaded] = np.nan
     fields: dict[int, BodyField] = {}
     best: Extreme | None = None
-    numbers = list(range(len(loads))) if everywhere else list(wanted)
+    numbers = sorted({*wanted, *(loaded if everywhere else ())}) or [0]
     for start in range(0, len(numbers), _BATCH):
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)

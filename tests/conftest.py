@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 import pytest
+from found import Figures, Found
 
 LIMIT_S = 120.0
 SLOW_LIMIT_S = 300.0
@@ -36,10 +37,24 @@ class Mpirun(Protocol):
     ) -> subprocess.CompletedProcess[str]: ...
 
 
-def pytest_configure() -> None:
+FIGURES = pytest.StashKey[Figures]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--figures", type=Path, metavar="FILE.json", help="write what the tests found, with its bar")
+
+
+def pytest_configure(config: pytest.Config) -> None:
     """Keep a copy of the real stderr: during a test pytest has another file in its place."""
     global _stderr
     _stderr = os.fdopen(os.dup(2), "w")
+    config.stash[FIGURES] = Figures()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    target = session.config.getoption("--figures")
+    if target is not None and (WORLD is None or WORLD.rank == 0):
+        session.config.stash[FIGURES].write(target)
 
 
 def _abort(text: str) -> None:
@@ -84,6 +99,12 @@ def pytest_runtest_teardown() -> Iterator[None]:
     if WORLD is not None:
         gc.collect()
         WORLD.Barrier()
+
+
+@pytest.fixture
+def found(request: pytest.FixtureRequest) -> Found:
+    """Records a value with its bar: `assert found("Hertz, contact radius", error, 0.01)`."""
+    return request.config.stash[FIGURES].of(request.node.nodeid)
 
 
 @pytest.fixture

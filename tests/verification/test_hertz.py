@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from found import Found
 from verification.closed_forms import (
     FloatArray,
     Hertz,
@@ -89,15 +90,15 @@ def errors(scene: Scene) -> Errors:
     ],
     ids=["P2", "P1", "soft-block", "friction"],
 )
-def test_sphere(overrides: tuple[str, ...]) -> None:
+def test_sphere(overrides: tuple[str, ...], found: Found) -> None:
     """Radius, peak pressure and approach within 1 %, the bar of the project, with 20 facets over the radius.
 
     Bodies of one material widen alike: friction finds nothing to hold, and the solution is the same.
     """
-    found = errors(sphere(20, *overrides))
-    assert abs(found.contact_radius) < 0.01
-    assert abs(found.peak_pressure) < 0.01
-    assert abs(found.approach) < 0.01
+    off = errors(sphere(20, *overrides))
+    assert found("Hertz, 20 facets in the contact radius: radius", abs(off.contact_radius), 0.01)
+    assert found("Hertz: peak pressure", abs(off.peak_pressure), 0.01)
+    assert found("Hertz: approach", abs(off.approach), 0.01)
 
 
 def test_sphere_converges() -> None:
@@ -175,7 +176,7 @@ def punched(facets: int) -> tuple[float, FloatArray]:
     return last.force / force - 1.0, (last.facets.pressure / exact - 1.0)[inside]
 
 
-def test_flat_punch() -> None:
+def test_flat_punch(found: Found) -> None:
     """The pressure is infinite at the edge of the punch, and only there: the force within 0.2 %, converging.
 
     The error of the force is of order h / a (the singular facet) on top of the far field's 0.05 %; facets within
@@ -185,6 +186,6 @@ def test_flat_punch() -> None:
     for facets in (8, 16, 32):
         force, pressure = punched(facets)
         errors_of_force.append(abs(force))
-    assert errors_of_force[-1] < 2e-3
+    assert found("flat punch, 32 facets: force", errors_of_force[-1], 2e-3)
     assert errors_of_force[2] < errors_of_force[1] < errors_of_force[0]
-    assert np.abs(pressure).max() < 0.01
+    assert found("flat punch: pressure of each facet within 0.9 a", np.abs(pressure).max(), 0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from found import Found
 from scipy.integrate import simpson
 from verification.test_push_out import bar_of
 
@@ -49,7 +50,7 @@ def test_loop_branches(loop: Solution) -> None:
         assert np.abs(error).max() < 0.01 * exact[-1]
 
 
-def test_loop_area(loop: Solution) -> None:
+def test_loop_area(loop: Solution, found: Found) -> None:
     """The area between the branches is D^3 / (12 E A q) within 1 %.
 
     The branches are smooth in the displacement, so that Simpson's rule on 12 steps leaves less than 1e-4.
@@ -60,7 +61,7 @@ def test_loop_area(loop: Solution) -> None:
     change = float(loop.force[down][0] - loop.force[down][-1])
     closing = abs(loop.force[-1] - loop.force[down][0]) / change
     print(f"loop area {lost:.6g}, closed form {bar.loop_area(change):.6g} N mm; gap where it closes {closing:.1e}")
-    assert lost == pytest.approx(bar.loop_area(change), rel=0.01)
+    assert found("loop of a reversal: its area", abs(lost / bar.loop_area(change) - 1.0), 0.01)
     assert closing < 1e-3  # the cycle forgets the first loading (Masing); what is left is the slip front's facet
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pytest
 from benchmarks.sweep import FRICTION, GAMMA0, run
+from found import Found
 
 from macrofit.scene import load_scene, scene_names
 
@@ -30,7 +31,8 @@ def coarse(name: str) -> list[str]:
 
 @pytest.mark.parametrize("gamma0", GAMMA0)
 @pytest.mark.parametrize("scene", scene_names())
-def test_every_increment_converges(scene: str, gamma0: float) -> None:
+def test_every_increment_converges(scene: str, gamma0: float, found: Found) -> None:
     """No tolerance: an increment converges or it does not."""
     cases = [run(scene, friction, gamma0, coarse(scene)) for friction in FRICTION]
-    assert not [case for case in cases if case.trouble]
+    troubled = [case for case in cases if case.trouble]
+    assert found("every scene, friction 0 to 0.6, gamma0 1 to 1000: runs in trouble", len(troubled), 0), troubled
