@@ -11,6 +11,10 @@ the axle, J the jump u_axle - u_wheel, g the gap and slip of the undeformed bodi
 and tau loads the axle, -tau the wheel (Chouly, Hild, Renard, Math. Comp. 84 (2015) for the formulation;
 gamma = gamma0 E / h). Penalty is the same with T = 0 and no Q in the trial.
 
+The tangential g is the slip since the increment before plus the elastic slip (lambda - T u + Q)_t / gamma that was left
+then, which the discrete law has as any with a finite gamma: a traction that sticks is kept over any number of
+increments. The slip that dissipates is (trial - lambda)_t / gamma.
+
 Q is the axial share q of the pressure p = -lambda_n that the reference normal leaves out. The force conjugate to the
 travel U is F = -dL/dU at fixed displacements; the normal gap depends on U through the bore's shape and displacement
 at z - U, which gives

@@ -25,7 +25,7 @@ from .scene import Scene
 from .solution import Increment
 
 MAGIC = b"macrofit journal\n"
-VERSION = 1
+VERSION = 2
 
 
 class _Header(msgspec.Struct, array_like=True):

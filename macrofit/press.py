@@ -53,6 +53,7 @@ class State:
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see contact.py
+    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see contact.py [mm]
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
         """The state as named arrays, for a journal."""
@@ -102,6 +103,7 @@ class Press:
             np.zeros(line.facets),
             moments,
             moments,
+            moments.astype(np.float64),
             moments.astype(np.float64),
         )
 
@@ -165,6 +167,7 @@ class Press:
         moved = displacement - state.displacement
         covered = self.seat.cover(pairing.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - pairing.bore_moments(state.bore_displacement))[1]
+        slip_old += state.held[pairing.portions.facet].ravel()
         approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + slip_old])
         facing = Facing(covered, pairing, approach, self.seat.line.radial, self.seat.nitsche)
         friction = self._facet_friction(pairing, state, displacement)[covered.facet]
@@ -242,7 +245,9 @@ class Press:
         """What a trial leaves: the next state, resultants and energies."""
         answer, weight = report.answer, facing.covered.weight
         seat_load, bore_load = facing.loads(answer.total)
-        gap, slip = facing.opening(*displacements)
+        gap, along = facing.opening(*displacements)
+        slip = (answer.trial[1] - answer.traction[1]) / facing.covered.gamma
+        held = np.where(report.status.kind == OPEN, 0.0, along - slip)
         facets = self._facet_state(state, facing, answer, report.status, friction, gap, slip)
         moved = displacement - state.displacement
         after = State(
@@ -256,6 +261,7 @@ class Press:
             self._by_moment(facing, report.status.kind).astype(np.int64),
             self._by_moment(facing, report.status.sign).astype(np.int64),
             self._by_moment(facing, answer.kappa),
+            self._by_moment(facing, held),
         )
         pressure = -answer.traction[0]
         return Step(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from found import Found
 from scipy.integrate import simpson
+from small import small_press
 from verification.test_push_out import bar_of
 
 from macrofit.scene import load_scene
@@ -48,6 +49,27 @@ def test_loop_branches(loop: Solution) -> None:
         error = exact - np.abs(moved - moved[0])
         print("branch, error over its length:", np.round(error / exact[-1], 5))
         assert np.abs(error).max() < 0.01 * exact[-1]
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [("mesh.order=1",), ("contact.gamma0=1",), ("contact.formulation=penalty", "contact.penalty_stiffness=2e5")],
+    ids=["P1", "gamma0 1", "soft penalty"],
+)
+def test_stick_keeps_its_traction(contact: tuple[str, ...], found: Found) -> None:
+    """Turned back within stick, the force does not depend on the number of increments: 1e-4, facets at its ends slip.
+
+    The traction of a sticking moment is T u plus gamma times the elastic slip; one that started from zero at each
+    increment would creep with their number: by 10 to 70 % in 300 of them.
+    """
+    ends = []
+    for count in (1, 300):
+        path = [55.0, 60.0, *(round(60.0 - 0.02 * k / count, 12) for k in range(1, count + 1))]
+        plain = ("motion.start=0", "motion.travel=0", "motion.increment=1")
+        run = solve(small_press(*NO_FIELDS, *contact, *plain, f"motion.displacements={path}"))
+        assert run.increments[-1].sticking_facets > 0.5 * run.increments[-1].active_facets
+        ends.append(run.force[-1] / run.force[1])
+    assert found("stick: force after 300 increments and after one", abs(ends[1] / ends[0] - 1.0), 1e-4)
 
 
 def test_loop_area(loop: Solution, found: Found) -> None:

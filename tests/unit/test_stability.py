@@ -1,0 +1,130 @@
+"""The checks of the stability sweep see planted faults, and nothing where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks._stability_cases import BASE, THERE_AND_BACK, Case, Scatter
+from benchmarks._stability_checks import examine, wrong
+from benchmarks._stability_energy import energy
+from benchmarks._stability_views import Run, Taken, views_of
+from benchmarks.stability import Bodies, Tally, asked, judge, return_mapping, run
+
+from macrofit import newton
+from macrofit.press import Step
+from macrofit.solution import OPEN, SLIP
+
+CASE = Case("planted", {"mesh.order": 1, "motion.displacements": THERE_AND_BACK}, BASE, Scatter(3))
+
+
+@pytest.fixture(scope="module")
+def pressed() -> Run:
+    return run(CASE, Bodies())
+
+
+def faults(done: Run) -> list[str]:
+    return wrong(examine(done, asked(CASE, done.scene, done.assembly)))
+
+
+def planted(done: Run, fault: Callable[[Step], Step]) -> Run:
+    """The run with a fault in its last step, and in the record of it."""
+    taken = done.taken[-1]
+    step = fault(taken.step)
+    record = replace(done.records[-1], facets=step.facets, force=step.force, strain_energy=step.strain_energy)
+    return replace(done, taken=[*done.taken[:-1], Taken(taken.before, step)], records=[*done.records[:-1], record])
+
+
+def with_facets(step: Step, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Step:
+    return replace(step, facets=replace(step.facets, **{name: change(getattr(step.facets, name))}))
+
+
+def with_traction(step: Step, change: Callable[[np.ndarray], np.ndarray]) -> Step:
+    answer = step.report.answer
+    return replace(step, report=replace(step.report, answer=replace(answer, traction=change(answer.traction))))
+
+
+def lost(traction: np.ndarray) -> np.ndarray:
+    """Contact lost where it presses most."""
+    return np.where(np.arange(traction.shape[1]) == traction[0].argmin(), 0.0, traction)
+
+
+def test_nothing_is_found_where_nothing_is_wrong(pressed: Run) -> None:
+    assert pressed.error is None
+    assert (pressed.records[-1].facets.status == SLIP).any()
+    assert faults(pressed) == []
+
+
+FAULTS: dict[str, tuple[Callable[[Step], Step], str]] = {
+    "pressure of a facet": (lambda step: with_facets(step, "pressure", lambda p: 1.001 * p), "facets"),
+    "status of a facet": (lambda step: with_facets(step, "status", lambda s: np.where(s == SLIP, OPEN, s)), "facets"),
+    "slip of the wrong sign": (lambda step: with_facets(step, "slip", lambda s: -s), "facets"),
+    "friction before a cutback": (lambda step: with_facets(step, "friction", lambda mu: np.roll(mu, 1)), "friction"),
+    "a lost moment": (lambda step: with_traction(step, lost), "law"),
+    "tension": (lambda step: with_traction(step, np.negative), "cone"),
+    "shear that pushes": (lambda step: with_traction(step, lambda t: t * [[1.0], [-1.0]]), "law"),
+    "shear above the bound": (lambda step: with_traction(step, lambda t: t * [[1.0], [1.01]]), "cone"),
+    "force": (lambda step: replace(step, force=1.0001 * step.force), "force"),
+    "energy": (lambda step: replace(step, strain_energy=1.001 * step.strain_energy), "stored"),
+    "energy below zero": (lambda step: replace(step, strain_energy=-step.strain_energy), "stored"),
+    "loads": (lambda step: replace(step, state=replace(step.state, bore_load=1.001 * step.state.bore_load)), "loads"),
+    "displacements": (
+        lambda step: replace(step, state=replace(step.state, seat_displacement=1.001 * step.state.seat_displacement)),
+        "bulk",
+    ),
+    "friction that gives energy": (lambda step: replace(step, dissipation=-abs(step.dissipation) - 1e3), "dissipated"),
+    "no number": (lambda step: with_facets(step, "gap", lambda gap: gap * np.nan), "finite"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_planted_fault_is_found(pressed: Run, name: str) -> None:
+    fault, where = FAULTS[name]
+    assert where in faults(planted(pressed, fault))
+
+
+def test_increment_that_did_not_converge_is_found(pressed: Run) -> None:
+    records = [*pressed.records[:-1], replace(pressed.records[-1], converged=False)]
+    assert faults(replace(pressed, records=records)) == ["converged"]
+
+
+def test_work_that_goes_nowhere_is_found() -> None:
+    """Small steps, and a force that is 5 % too large in all of them."""
+    path = (0.0, 12.0, *(float(25.0 + 0.1 * k) for k in range(8)))
+    done = run(Case("planted", {"mesh.order": 1, "motion.displacements": path}, BASE), Bodies())
+    true = list(views_of(done, done.taken))[2:]
+    more = [
+        replace(v, taken=replace(v.taken, step=replace(v.taken.step, force=1.05 * v.taken.step.force))) for v in true
+    ]
+    assert energy(done, true, 0.2) < 1e-3
+    assert energy(done, more, 0.2) > 2e-2
+
+
+def test_answers_that_differ_from_their_reference_are_found() -> None:
+    tally, bodies = Tally(), Bodies()
+    for mu in (0.12, 0.12001):
+        keys = {"mesh.order": 1, "motion.displacements": (0.0, 20.0), "friction.options.coefficient": mu}
+        judge(Case("planted", keys, like=("same",), tolerance=1e-6), bodies, tally)
+    assert tally.converged == 2
+    assert [why.split()[0] for _, why in tally.failed] == ["reference"]
+
+
+def test_exceptions_and_unclear_errors_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    tally, bodies = Tally(), Bodies()
+    judge(replace(CASE, keys={"wheel.bore_radius": 30.0}), bodies, tally)
+    assert (tally.errors, tally.failed) == (1, [])
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("macrofit.press.newton", broken)
+    judge(CASE, bodies, tally)
+    assert "ZeroDivisionError" in tally.failed[0][1]
+
+
+def test_a_broken_law_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert return_mapping() == 0
+    monkeypatch.setattr("benchmarks.stability.law", lambda trial, friction: 0.999 * newton.law(trial, friction))
+    assert return_mapping() > 0
