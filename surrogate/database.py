@@ -80,7 +80,7 @@ def read(path: Path) -> Database:
             samples = {name: np.concatenate([stored, new[name]]) for name, stored in samples.items()}
             failures |= content.failures
     order = np.argsort(samples["id"], kind="stable")
-    taken = Samples(**{name: np.ascontiguousarray(stored[order]) for name, stored in samples.items()})
+    taken = Samples(**{name: samples.pop(name)[order] for name in list(samples)})  # one column twice in memory, not all
     if len(taken) > 1 and np.any(np.diff(taken.id) == 0):
         raise DatabaseError(f"{path}: sample {taken.id[:-1][np.diff(taken.id) == 0][0]} is there twice; make it anew")
     return Database(header, taken, dict(sorted(failures.items())), content_hash(taken))

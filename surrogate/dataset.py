@@ -50,17 +50,30 @@ class Pairs:
         return a, self.meso[:, 0] - a * self.micro[:, 0]
 
 
-def pairs(samples: Samples, faces: Faces = "generated") -> Pairs:
-    """The samples as tensors, with the faces as generated or as the envelopes of their spheres."""
+def pairs(samples: Samples, faces: Faces = "generated", points: int | None = None) -> Pairs:
+    """The samples as tensors, with the faces as generated or as the envelopes of their spheres.
+
+    Args:
+        samples: of a database or a table.
+        faces: which of the two.
+        points: of a wheel's face along its edge; the same steps along the axle's. All that are there by default.
+
+    Raises:
+        TrainingError: there are no envelopes, or `points` are not those of every so manyth row.
+    """
     wheel, axle = (
         (samples.wheel, samples.axle) if faces == "generated" else (samples.wheel_envelope, samples.axle_envelope)
     )
     if not wheel.shape[1]:
         raise TrainingError("the samples have no envelopes of spheres, a table never has: take the database itself")
+    rows = wheel.shape[1] - 1
+    if points is not None and (points < 2 or rows % (points - 1)):
+        raise TrainingError(f"points = {points} along an edge are no part of the {rows + 1} that the samples have")
+    step = 1 if points is None else rows // (points - 1)
     lowest = LOWEST if faces == "envelope" else -np.inf
     return Pairs(
-        wheel=torch.from_numpy(np.asarray(wheel, dtype=np.float32)).clamp_min(lowest),
-        axle=torch.from_numpy(np.asarray(axle, dtype=np.float32)).clamp_min(lowest),
+        wheel=torch.from_numpy(np.asarray(wheel[:, ::step, ::step], dtype=np.float32)).clamp_min(lowest),
+        axle=torch.from_numpy(np.asarray(axle[:, ::step, ::step], dtype=np.float32)).clamp_min(lowest),
         micro=torch.from_numpy(np.asarray(samples.micro_friction, dtype=np.float32)),
         meso=torch.from_numpy(np.asarray(samples.meso_friction, dtype=np.float32)),
         held=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),

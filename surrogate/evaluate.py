@@ -196,16 +196,16 @@ def predicted(model: Model, provenance: Provenance, data: Measured, name: str | 
     Raises:
         TrainingError: the samples lack the faces it needs.
     """
-    told = _faces(data, provenance.faces)
+    told = _faces(data, provenance.faces, provenance.points)
     mean, spread = (
         data.spread_out(answer.double().numpy()) for answer in ask(model, told.wheel, told.axle, told.micro)
     )
     return Predicted(name or provenance.architecture, mean, spread)
 
 
-def _faces(data: Measured, faces: Faces) -> Pairs:
+def _faces(data: Measured, faces: Faces, points: int | None = None) -> Pairs:
     """Each pair of generated faces once; envelopes of all packings."""
-    told = pairs(data.samples, faces)
+    told = pairs(data.samples, faces, points)
     return told if faces == "envelope" else told.take(np.arange(0, len(told), data.packings))
 
 

@@ -121,6 +121,8 @@ def train(
     *,
     plates: Plates = STEEL,
     members: int = 8,
+    width: int = 24,
+    points: int | None = None,
     epochs: int | None = None,
     device: str | None = None,
     resume: Path | None = None,
@@ -137,6 +139,8 @@ def train(
         seed: of the split, the starting values and the order of the samples.
         plates: of the friction tests, from the header of the database.
         members: of the ensemble, of `energy`.
+        width: of its perceptrons.
+        points: of a wheel's face along its edge, a part of those of the samples; see `dataset.pairs`.
         epochs: at most.
         device: of torch; a GPU where there is one and it is left out.
         resume: file for the state of the training, `resume.EVERY` seconds apart, which goes on from it if it is there
@@ -144,23 +148,28 @@ def train(
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: there are too few samples, values that are not finite, or plates that are not of 1 mm.
+        TrainingError: there are too few samples, values that are not finite, plates that are not of 1 mm, or
+            `points` that do not suit the samples.
     """
     if (plates.edge, plates.slide) != (1.0, 1.0):
         raise TrainingError(f"plates of {plates.edge:g} mm slid by {plates.slide:g} mm: networks take 1 mm of both")
-    data = pairs(samples, faces)
+    data = pairs(samples, faces, points)
     _check(data)
     rows, held_back = split(samples, seed=seed)
     fit, validation = data.take(rows), data.take(held_back)
     if not len(validation) or len(fit) < 2:
         raise TrainingError(f"{len(data)} samples share too few surfaces' seeds to be split; generate more pairs")
-    points, limit = data.wheel.shape[1], EPOCHS[architecture] if epochs is None else epochs
+    across, limit = data.wheel.shape[1], EPOCHS[architecture] if epochs is None else epochs
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
     options = (
-        EnergyOptions(STIFFNESS[faces], plates.load, members) if architecture == "energy" else PaperOptions(points)
+        EnergyOptions(STIFFNESS[faces], plates.load, members, width)
+        if architecture == "energy"
+        else PaperOptions(across)
     )
+    if isinstance(options, EnergyOptions) and (across - 1) % (options.positions - 1):
+        raise TrainingError(f"faces of {across} points have no {options.positions} equal places of a slide")
     database = content_hash(samples)
-    saved = Saved(resume, f"{options} {faces} {seed} {database} {device} {torch.__version__}")
+    saved = Saved(resume, f"{options} {faces} {points} {seed} {database} {device} {torch.__version__}")
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         torch.manual_seed(seed)
         model = options.build().to(device)
@@ -177,7 +186,7 @@ def train(
         seed=seed,
         training=len(fit),
         validation=len(validation),
-        points=points,
+        points=across,
         plates=plates,
         surface_seeds=_seeds(samples.wheel_seed, samples.axle_seed),
         packing_seeds=_seeds(samples.packing_seed),

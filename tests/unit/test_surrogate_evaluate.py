@@ -16,6 +16,7 @@ from meso.settings import Settings, SurfaceKeys, dump
 from surrogate.checkpoint import load, save
 from surrogate.cli import main
 from surrogate.database import Database, Header, Samples
+from surrogate.dataset import pairs
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
 from surrogate.evaluate import (
     Predicted,
@@ -25,12 +26,14 @@ from surrogate.evaluate import (
     evaluation,
     foundation_alone,
     measured,
+    predicted,
     report,
     slope_r2,
     unseen,
 )
 from surrogate.faces import from_file, generated
 from surrogate.table import open_samples, read_table, write_table
+from surrogate.train import predict as ask
 from surrogate.train import train
 
 MICRO = (0.03, 0.05, 0.07, 0.09)
@@ -97,6 +100,15 @@ def test_errors_are_against_each_packing_and_against_their_mean() -> None:
     assert all_packings == pytest.approx(np.full((PAIRS, 4), 0.1))
     assert one.shape == (PAIRS, PACKINGS, 4)
     assert one[4, 2, 1] == pytest.approx(abs(off.mean[4, 2, 1] / DATA.meso[4, 2, 1] - 1.0))
+
+
+def test_a_network_is_asked_on_the_grid_it_was_trained_on() -> None:
+    trained = train(SAMPLES, points=17, members=2, epochs=2)
+    told = pairs(SAMPLES, points=17)
+    mean, spread = (values.double().numpy() for values in ask(trained.model, told.wheel, told.axle, told.micro))
+    said = predicted(trained.model, trained.provenance, DATA)
+    assert said.mean == pytest.approx(DATA.spread_out(mean), abs=1e-7)  # of other batches
+    assert said.spread == pytest.approx(DATA.spread_out(spread), abs=1e-7)
 
 
 def test_no_other_constant_ratio_does_better() -> None:

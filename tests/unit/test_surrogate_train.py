@@ -132,6 +132,27 @@ def test_round_trip(trained: Trained, tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["m.safetensors"]
 
 
+def test_a_coarser_grid_is_every_second_row_of_the_samples(tmp_path: Path) -> None:
+    coarse = replace(SAMPLES, wheel=SAMPLES.wheel[:, ::2, ::2].copy(), axle=SAMPLES.axle[:, ::2, ::2].copy())
+    given, taken = (
+        train(samples, width=6, members=2, points=points, epochs=3)
+        for samples, points in ((coarse, None), (SAMPLES, 5))
+    )
+    assert given.provenance.points == taken.provenance.points == 5
+    assert isinstance(taken.model, Energy)
+    assert taken.model.first.shape[::2] == (2, 6)
+    expected, weights = given.model.state_dict(), taken.model.state_dict()
+    assert all(torch.equal(weights[name], value) for name, value in expected.items())
+    save(tmp_path / "coarse.safetensors", taken.model, taken.provenance)
+    assert load(tmp_path / "coarse.safetensors")[1].points == 5
+
+
+@pytest.mark.parametrize("points", [1, 3, 4, 17])
+def test_points_that_the_samples_or_the_slide_do_not_have_are_refused(points: int) -> None:
+    with pytest.raises(TrainingError, match="points"):
+        train(SAMPLES, points=points, epochs=1)
+
+
 def test_outside_names_what_was_not_seen(trained: Trained) -> None:
     assert outside(trained.provenance, max_height=0.02, levels=3, micro_friction=0.05) == []
     (said,) = outside(trained.provenance, max_height=0.08, hurst_exponent=0.7)

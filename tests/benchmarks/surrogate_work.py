@@ -1,0 +1,234 @@
+"""What do the network's size, its ensemble and its grid cost, and what do they buy?
+
+    python -m tests.benchmarks surrogate_work [--quick] [--figure docs/surrogate_work.png]
+
+Error by block cross-validation: whole families of surfaces in each fold, every choice learns from the same pairs and
+is judged on the same fold. Mean over the folds and its standard error, at micro 0.07 and over 0.03, 0.05, 0.07, 0.09;
+beside it the mean difference from the default, fold by fold. Costs are CPU times: of a training, and of the pairs of
+tiles that meet while a hub is pressed over a seat of 190 tiles, their faces given. What the number of pairs does to
+the error is the question of `surrogate_learning`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from surrogate.database import Samples, read
+from surrogate.dataset import folds, pairs
+from surrogate.evaluate import take
+from surrogate.faces import generated
+from surrogate.model import Energy
+from surrogate.train import Trained, score, train
+
+from ._database import default_database, made_up
+from ._measure import Cost, cpu, frontier, head, row, save
+
+FOLDS = 4
+TILES = 190
+DEFAULT = "8 members of width 24, 33 points"
+CHOICES: list[tuple[str, str, dict[str, Any]]] = [
+    ("default", DEFAULT, {}),
+    *[("hidden width", f"width {width}", {"width": width}) for width in (6, 12, 48, 96)],
+    *[("members", f"{n} member{'s' * (n > 1)}", {"members": n}) for n in (1, 2, 4, 16)],
+    *[("points of a face", f"{n} points", {"points": n}) for n in (9, 17)],
+    ("nothing but the baseline", "linear combination of foundations", {"epochs": 0}),
+    ("several", "17 points, 4 members of width 12", {"points": 17, "members": 4, "width": 12}),
+]
+
+COLUMNS = (
+    "choice", "error at 0.07", "mean over 0.03 ... 0.09", "from the default", "parameters", "epochs kept",
+    "training CPU s", "predicting CPU s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One choice, and what came of it; errors by fold (folds, 2): at 0.07 and over the four micro coefficients [-]."""
+
+    series: str
+    label: str
+    errors: np.ndarray
+    training: Cost
+    predicting: Cost
+    parameters: int
+    epochs: int
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Over the folds [%]."""
+        return 100.0 * np.asarray(self.errors.mean(0))
+
+
+def standard_error(by_fold: np.ndarray) -> np.ndarray:
+    """Of the mean over the folds, as a percentage."""
+    return 100.0 * np.asarray(by_fold.std(0, ddof=1)) / np.sqrt(len(by_fold))
+
+
+def judged(samples: Samples, dealt: Sequence[np.ndarray], **options: Any) -> tuple[np.ndarray, Cost, list[Trained]]:
+    """Errors by fold, CPU time of the trainings, and what they gave."""
+    errors, seconds, networks = [], [], []
+    for held in dealt:
+        others = take(samples, np.setdiff1d(np.arange(len(samples)), held))
+        started = time.process_time()
+        networks.append(train(others, **options))
+        seconds.append(time.process_time() - started)
+        found = score(networks[-1].model, pairs(take(samples, held), points=options.get("points"))).error
+        errors.append((found["0.07"], np.mean(list(found.values()))))
+    return np.array(errors), Cost(tuple(seconds)), networks
+
+
+class Seat:
+    """The pairs of tiles that meet, and what it costs to predict them."""
+
+    def __init__(self, tiles: int, repeats: int) -> None:
+        keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
+        self.wheels, self.axles = (
+            torch.from_numpy(np.stack([generated(body, 100_000 + k, **keys) for k in range(tiles)]))
+            for body in ("wheel", "axle")
+        )
+        bore, seat = np.divmod(np.arange(tiles * tiles), tiles)
+        meets = bore + seat < tiles  # the bore's tiles are counted from its leading edge, the seat's from its end
+        self.bore, self.seat = torch.from_numpy(bore[meets]), torch.from_numpy(seat[meets])
+        self.repeats = repeats
+        self._prepared: dict[int, tuple[Cost, Any]] = {}
+
+    def predicting(self, model: Energy, points: int) -> Cost:
+        """CPU time of all pairs; the foundations, which are the same for all networks of a grid, are timed once."""
+        step = (self.wheels.shape[1] - 1) // (points - 1)
+        wheels, axles = (faces[:, ::step, ::step].contiguous() for faces in (self.wheels, self.axles))
+        micro = torch.full((len(self.bore), 1), 0.07, dtype=torch.float64)
+        with torch.inference_mode():
+            if points not in self._prepared:
+                self._prepared[points] = cpu(
+                    lambda: model.prepare(wheels, axles, self.bore, self.seat), repeats=self.repeats
+                )
+            faces, prepared = self._prepared[points]
+            laws, _ = cpu(lambda: model.gathered(*prepared, micro), repeats=self.repeats)
+        return Cost(tuple(a + b for a, b in zip(faces.seconds, laws.seconds, strict=True)))
+
+
+def main(words: Sequence[str]) -> int:
+    """Print the tables, draw the figure."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks surrogate_work", description=__doc__)
+    parser.add_argument("database", type=Path, nargs="?", help="build/bench/train.h5 by default")
+    parser.add_argument("--quick", action="store_true", help="Few made-up pairs, few choices, few epochs.")
+    parser.add_argument("--figure", type=Path)
+    options = parser.parse_args(words)
+    torch.set_num_threads(1)
+    quick: bool = options.quick
+    samples = made_up(60) if quick else read(options.database or default_database()).samples
+    dealt = folds(samples, FOLDS)[: 2 if quick else FOLDS]
+    seat = Seat(20 if quick else TILES, repeats=1 if quick else 3)
+    train(take(samples, np.arange(40)), epochs=2)  # warm
+    print(
+        f"{len(samples)} pairs, {len(dealt)} of {FOLDS} folds; {len(seat.bore)} pairs of tiles predicted. Errors in %, "
+        f"± one standard error over the folds. The default has {DEFAULT}.\n"
+    )
+    print(head(*COLUMNS))
+    rows: list[Row] = []
+    for series, label, one in CHOICES[:: 5 if quick else 1]:
+        errors, training, networks = judged(samples, dealt, **({"epochs": 3} if quick else {}) | one)
+        model = networks[0].model
+        assert isinstance(model, Energy)
+        rows.append(
+            Row(
+                series,
+                label,
+                errors,
+                training,
+                seat.predicting(model, networks[0].provenance.points),
+                sum(p.numel() for p in model.parameters()),
+                int(np.median([trained.curves.best for trained in networks])),
+            )
+        )
+        print(told(rows[-1], rows[0]), flush=True)
+    print("\n" + conclusion(rows))
+    if options.figure:
+        draw(rows, options.figure)
+    return 0
+
+
+def told(one: Row, default: Row) -> str:
+    """Its line of the table."""
+    wide = standard_error(one.errors)
+    apart = one.errors - default.errors
+    return row(
+        one.label,
+        *(f"{value:.3f} ± {error:.3f}" for value, error in zip(one.mean, wide, strict=True)),
+        "" if one is default else f"{100.0 * apart[:, 1].mean():+.3f} ± {standard_error(apart)[1]:.3f}",
+        one.parameters,
+        one.epochs,
+        one.training,
+        one.predicting,
+    )
+
+
+def conclusion(rows: Sequence[Row]) -> str:
+    """The frontiers, and the cheapest choices that the folds cannot tell from the default, or find better."""
+    default, errors = rows[0], [one.mean[1] for one in rows]
+    said = []
+    for what, costs in (
+        ("training", [one.training.median for one in rows]),
+        ("predicting", [one.predicting.median for one in rows]),
+    ):
+        best = [rows[k].label for k in frontier(costs, errors)]
+        as_good = [
+            k
+            for k, one in enumerate(rows)
+            if 100.0 * (one.errors - default.errors)[:, 1].mean()
+            <= 2.0 * standard_error(one.errors - default.errors)[1]
+        ]
+        cheapest = min(as_good, key=lambda k: costs[k])
+        said.append(
+            f"Efficient in {what}: {'; '.join(best)}. The cheapest that is at most two standard errors worse than the "
+            f"default: {rows[cheapest].label}, {costs[cheapest] / costs[0]:.2g} times its cost."
+        )
+    return "\n\n".join(said)
+
+
+def draw(rows: Sequence[Row], target: Path) -> None:
+    """Error against the CPU time of training and of predicting, the frontiers dashed.
+
+    The bars are one standard error of the difference from the default.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+    colours = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+    figure = Figure(figsize=(10.0, 4.4), dpi=150, layout="constrained")
+    panels = zip(figure.subplots(1, 2, sharey=True), ("training", "predicting"), strict=True)
+    for axes, what in panels:
+        costs = [getattr(one, what).median for one in rows]
+        errors = [float(one.mean[1]) for one in rows]
+        wide = [float(standard_error(one.errors - rows[0].errors)[1]) for one in rows]
+        for name, colour in zip(dict.fromkeys(one.series for one in rows), colours, strict=False):
+            own = [k for k, one in enumerate(rows) if one.series == name]
+            x, y, bar = ([values[k] for k in own] for values in (costs, errors, wide))
+            axes.errorbar(x, y, bar, fmt="o", ms=5, lw=0.8, color=colour, label=name)
+        best = frontier(costs, errors)
+        axes.plot(
+            [costs[k] for k in best], [errors[k] for k in best], "--", lw=1, color="0.5", zorder=0, label="frontier"
+        )
+        for place, k in enumerate(best):
+            below = (-4, -14) if place % 2 else (7, 5)
+            axes.annotate(rows[k].label, (costs[k], errors[k]), textcoords="offset points", xytext=below, fontsize=7)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel(f"CPU time of {what} [s]")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=8)
+        if what == "training":
+            axes.set_ylabel("mean relative error, 0.03 ... 0.09 [%]")
+        else:
+            axes.legend(frameon=False, fontsize=8)
+    save(figure, target)
