@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 import petsc4py.lib
@@ -157,6 +158,7 @@ class Factor:
         self._matrix, self._pc = _prepare(matrix, symmetric=symmetric)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
+        finalize(self, _destroy, self._pc, self._factor, self._matrix)
         self.solves = 0
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -190,8 +192,7 @@ def schur_complement(matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
     dense = np.ctypeslib.as_array(data, shape=(len(kept), len(kept))).copy()
     _checked(petsc.MatDenseRestoreArray(schur, ctypes.byref(data)))
     _checked(petsc.MatDestroy(ctypes.byref(schur)))
-    pc.destroy()
-    keep_alive.destroy()
+    _destroy(pc, factor, indices, keep_alive)
     return dense
 
 
@@ -209,6 +210,12 @@ def _prepare(matrix: sp.csr_matrix, *, symmetric: bool) -> tuple[Any, Any]:
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     return wrapped, pc
+
+
+def _destroy(*objects: Any) -> None:
+    """Free PETSc's objects; where Python drops the last reference, petsc4py 3.18 keeps a factor in memory for ever."""
+    for each in objects:
+        each.destroy()
 
 
 def _pointer(handle: Any) -> ctypes.c_void_p:

@@ -203,6 +203,8 @@ def leave(code: int) -> None:
 )  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of split and start.")
 @click.option("--members", type=click.IntRange(1, 64), default=8, show_default=True, help="Of the ensemble (energy).")
+@click.option("--width", type=click.IntRange(1, 1024), default=24, show_default=True, help="Of its perceptrons.")
+@click.option("--points", type=click.IntRange(5), help="Of a face along 1 mm, such as 17 [those of the database].")
 @click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
