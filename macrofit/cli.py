@@ -8,8 +8,9 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -17,6 +18,7 @@ import click
 
 from . import __version__
 from .errors import MacrofitError
+from .presets import PRESETS, summary
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,6 +38,22 @@ class Commands(click.Group):
         except MacrofitError as error:
             complain(error)
             ctx.exit(USER_MISTAKE)
+
+
+def changes(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that change a scene; the command gets both as ``overrides``."""
+
+    @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+    @click.option(
+        "--preset",
+        type=click.Choice(list(PRESETS)),
+        help=f"Scale the mesh sizes of the scene; a --set of one counts more. For wheelset: {summary()}.",
+    )
+    @wraps(command)
+    def changed(*given: Any, overrides: tuple[str, ...], preset: str | None, **named: Any) -> None:
+        command(*given, overrides=overrides if preset is None else (f"preset={preset}", *overrides), **named)
+
+    return changed
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -62,7 +80,7 @@ def main() -> None:
     type=click.Path(path_type=Path),
     help="Folder of the results [the scene's name].",
 )
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+@changes
 @click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
@@ -105,7 +123,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     metavar="uniform=MU",
     help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
 )
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene in all runs.")
+@changes
 @click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
@@ -155,7 +173,7 @@ def study(
 )
 @click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+@changes
 @click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-identified.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def identify(
@@ -267,7 +285,7 @@ def providers() -> None:
 
 @main.command()
 @click.argument("scene")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+@changes
 def check(scene: str, overrides: tuple[str, ...]) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
     from .friction import registry

@@ -15,7 +15,7 @@ class Preset(NamedTuple):
     """
 
     facet: float  # times mesh.seat_facet, and mesh.bore_facet where it is given
-    corner: float  # times mesh.corner_facet, or mesh.seat_facet where the former is not given
+    corner: float  # times mesh.seat_facet; where mesh.corner_facet is given, that times this over balanced's
     growth: float  # times mesh.growth
     force_error: float  # largest along the fitting curve, over its peak
     stress_error: float  # of the largest von Mises stress, the worse body
@@ -23,13 +23,14 @@ class Preset(NamedTuple):
 
     def __str__(self) -> str:
         """Its errors and cost, for people."""
-        return f"force {self.force_error:.0e}, stress {100 * self.stress_error:.1g} %, {self.cpu_s:.1g} s"
+        force = f"{self.force_error:.0e}".replace("e-0", "e-")
+        return f"force {force}, stress {100 * self.stress_error:.2g} %, {self.cpu_s:.2g} s"
 
 
 PRESETS = {
-    "fast": Preset(4.0, 1.0, 1.0, 1e-3, 5e-3, 0.8),
-    "balanced": Preset(1.0, 1.0, 1.0, 2e-4, 13e-3, 2.0),
-    "accurate": Preset(0.5, 0.25, 0.7, 5e-5, 3e-3, 7.0),
+    "fast": Preset(3.0, 1.0, 1.0, 8e-4, 12e-3, 0.9),
+    "balanced": Preset(1.0, 0.5, 1.0, 2e-4, 4e-3, 2.5),
+    "accurate": Preset(0.5, 0.25, 0.5, 4e-5, 5e-3, 10.0),
 }
 
 
@@ -61,8 +62,9 @@ def refined(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
     sizes = {"seat_facet": preset.facet * keys.seat_facet, "growth": preset.growth * keys.growth}
     if keys.bore_facet is not None:
         sizes["bore_facet"] = preset.facet * keys.bore_facet
-    corner = keys.seat_facet if keys.corner_facet is None else keys.corner_facet
     discs = any(isinstance(body := tables.get(b), Mapping) and body.get("shape") == "disc" for b in ("axle", "wheel"))
-    if keys.corner_facet is not None or (preset.corner != preset.facet and not discs):
-        sizes["corner_facet"] = (preset.facet if discs else preset.corner) * corner
+    if keys.corner_facet is not None:
+        sizes["corner_facet"] = preset.corner / PRESETS["balanced"].corner * keys.corner_facet
+    elif not discs:
+        sizes["corner_facet"] = preset.corner * keys.seat_facet
     return {**tables, "mesh": {**tables.get("mesh", {}), **sizes}}

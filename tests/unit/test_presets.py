@@ -27,18 +27,14 @@ def test_a_preset_scales_the_sizes_that_the_scene_has(scene: str, name: str) -> 
 
 
 def test_corners_have_their_own_factor(tmp_path: Path) -> None:
-    """Relative to corner_facet where the scene gives it; discs, whose whole line may be an arc, keep one size."""
-    fast = PRESETS["fast"]
-    assert load_scene("wheelset", preset="fast").mesh.corner_facet == pytest.approx(fast.corner)
+    """Of the seat's facets, or of corner_facet where the scene has it; discs, which may be arcs, keep one size."""
+    fast, balanced = PRESETS["fast"].corner, PRESETS["balanced"].corner
+    assert load_scene("wheelset", preset="fast").mesh.corner_facet == pytest.approx(fast)
     assert load_scene("hertz-sphere", preset="fast").mesh.corner_facet is None
     file = tmp_path / "own.toml"
-    file.write_text(dump_scene(load_scene("wheelset", ["mesh.seat_facet=2", "mesh.corner_facet=0.5"])))
-    assert load_scene(file, preset="fast").mesh.corner_facet == pytest.approx(0.5 * fast.corner)
-
-
-def test_balanced_is_what_runs_without_a_preset() -> None:
-    for name in scene_names():
-        assert load_scene(name, preset="balanced") == load_scene(name)
+    file.write_text(dump_scene(load_scene("wheelset", ["mesh.seat_facet=2", "mesh.corner_facet=0.3"])))
+    assert load_scene(file, preset="fast").mesh.corner_facet == pytest.approx(0.3 * fast / balanced)
+    assert load_scene(file, preset="balanced") == load_scene(file)
 
 
 def test_an_override_of_a_size_has_the_last_word() -> None:
