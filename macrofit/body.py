@@ -140,9 +140,11 @@ class Body:
     def condense(self, *, load_trace: bool) -> CondensedBody:
         """Eliminate the bulk: one factorisation, no right-hand side.
 
-        The Schur complement on the trace is split in the loaded nodes c and the rest o:
-        C_cc = (S_cc - S_co S_oo^-1 S_oc)^-1 and C_oc = -S_oo^-1 S_oc C_cc.
+        The Schur complement on the trace, S = L L', has the rest o of its nodes before the loaded ones c:
+        C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
+
+        Raises MeshError where S is not definite.
         """
         lines = len(self.line.nodes)
         loaded = len(self.trace) if load_trace else lines
@@ -153,23 +155,31 @@ class Body:
         o = place[:, loaded:].ravel()
         free_c, free_o = np.flatnonzero(c >= 0), np.flatnonzero(o >= 0)
         matrix = self.stiffness[self.free][:, self.free]
-        schur = schur_complement(matrix, np.concatenate([o[free_o], c[free_c]]))
+        factor = self._definite(schur_complement(matrix, np.concatenate([o[free_o], c[free_c]])))
         self.factorisations += 1
         n = len(free_o)
+        inverse, _ = sla.lapack.dpotri(factor[n:, n:], lower=1)
+        inverse = np.tril(inverse) + np.tril(inverse, -1).T
         blocks = np.zeros((2, len(self.trace), 2 * loaded))
-        inverse = schur[n:, n:]
-        if n:
-            coupling = sla.cho_solve(sla.cho_factor(schur[:n, :n], lower=True), schur[:n, n:])
-            inverse = inverse - schur[n:, :n] @ coupling
-        inverse = _spd_inverse(inverse, self.which)
         full = np.zeros((2 * loaded, 2 * loaded))
         full[np.ix_(free_c, free_c)] = inverse
         blocks[:, :loaded] = full.reshape(2, loaded, -1)
         if n:
             rest = np.zeros((2 * (len(self.trace) - loaded), 2 * loaded))
-            rest[np.ix_(free_o, free_c)] = -coupling @ inverse
+            coupled = sla.blas.dtrsm(-1.0, factor[:n, :n], factor[n:, :n].T @ inverse, lower=1, trans_a=1)
+            rest[np.ix_(free_o, free_c)] = coupled
             blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
         return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations)
+
+    def _definite(self, schur: FloatArray) -> FloatArray:
+        """Cholesky factor L, or a MeshError: the body can move freely, or theta / gamma0 took its coercivity."""
+        factor, info = sla.lapack.dpotrf(schur.T, lower=1, clean=1, overwrite_a=1)  # symmetric, and so not copied
+        if info != 0:
+            raise MeshError(
+                f"the stiffness of the {self.which} is not positive definite: check its supports, "
+                f"or raise contact.gamma0 (theta = 1 needs 15 to 30 with order 2, 5 to 10 with order 1)"
+            )
+        return np.asarray(factor)
 
     def back_substitute(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
@@ -201,21 +211,6 @@ def compile_form(order: int) -> None:
     """Compile the elastic form of an order, or find it compiled."""
     corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
     discretise(MeshData(corner, np.array([[0, 1, 2]]), {}), order, weak_form, (1.0, 1.0))
-
-
-def _spd_inverse(matrix: FloatArray, which: str) -> FloatArray:
-    """Inverse of a symmetric positive definite matrix.
-
-    Raises MeshError where it is not definite: the body can move freely, or theta / gamma0 took its coercivity.
-    """
-    factor, info = sla.lapack.dpotrf(matrix, lower=1)
-    if info != 0:
-        raise MeshError(
-            f"the stiffness of the {which} is not positive definite: check its supports, "
-            f"or raise contact.gamma0 (theta = 1 needs 15 to 30 with order 2, 5 to 10 with order 1)"
-        )
-    inverse, _ = sla.lapack.dpotri(factor, lower=1)
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
 
 
 def _contact_line(

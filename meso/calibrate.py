@@ -20,12 +20,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.sparse import diags
-from scipy.sparse.linalg import eigsh
 
 from . import kernels
 from .cholmod import factor
 from .errors import OutputError, SettingsError
-from .lattice import BACK, Lattice, build
+from .lattice import BACK, build
 from .material import Beams, Material
 from .packing import Packing, pack
 from .surface import generator
@@ -203,9 +202,11 @@ def dynamic_tensile_test(
         material: its density and modulus set the time scale; steel by default.
         damping: zeta [-].
     """
+    from .explicit import critical_time_step  # which needs the beams that are found here
+
     material = material or Material()
     lattice = build(packing, material, beams)
-    dt = 0.9 * _critical_time_step(lattice)
+    dt = 0.9 * critical_time_step(lattice)
     period = 2.0 * _edges(packing)[axis] * np.sqrt(material.density / material.youngs_modulus)
     steps = int(np.ceil(5.0 * period / dt))
     ends, far = _ends(packing, axis)
@@ -365,11 +366,3 @@ def _scatter(spheres: int, tests: Sequence[TensileTest]) -> Scatter:
         poisson_ratio=float(poisson.mean()),
         poisson_scatter=float(poisson.std(ddof=freedom)),
     )
-
-
-def _critical_time_step(lattice: Lattice) -> float:
-    """2 / sqrt(lambda_max(M^-1 K)) [s]."""
-    root = diags(np.sqrt(lattice.inverse[:, [0, 0, 0, 1, 1, 1]]).ravel())
-    start = np.random.default_rng(0).normal(size=6 * lattice.nodes)
-    largest = eigsh(root @ lattice.stiffness() @ root, k=1, which="LA", tol=1e-3, return_eigenvectors=False, v0=start)
-    return float(2.0 / np.sqrt(largest[0]))

@@ -18,9 +18,11 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import math
 import weakref
 from collections.abc import Iterator
 from ctypes import POINTER, byref, c_double, c_int, c_long, c_size_t, c_void_p
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -197,6 +199,17 @@ def _one_thread(library: ctypes.CDLL) -> Iterator[None]:
         allow(levels)
 
 
+def free_memory() -> float:
+    """What can still be had before the system kills a process [bytes]; infinite where it does not say."""
+    free, group = math.inf, Path("/sys/fs/cgroup")
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        free = 1024.0 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
+    with contextlib.suppress(OSError, ValueError):  # "max" where the group has no limit
+        limit = int((group / "memory.max").read_text())
+        free = min(free, float(limit - int((group / "memory.current").read_text())))
+    return free
+
+
 def _raise_failure(common: _Common) -> None:
     if common.status < 0:
         if common.status in FAILURES:
@@ -280,6 +293,14 @@ class Factor:
         first = self._size - self._trailing
         if not np.array_equal(self._permutation[first:], permutation[first:]):
             raise RuntimeError("CHOLMOD has moved the candidates from the end of the order")
+        # an allocation that is too large succeeds, and the process is killed when it is filled
+        needed, free = 8.0 * (L.contents.xsize + L.contents.maxcsize + self._trailing**2), free_memory()
+        if needed > free:
+            raise MesoError(
+                f"the factor of the stiffness and the compliance of {self._trailing // self._block} candidates take "
+                f"{needed / 2**30:.1f} GiB, and {free / 2**30:.1f} GiB are free: take fewer spheres, or "
+                "engine.name = 'explicit'"
+            )
 
     def _factorize(self, K: Any) -> None:
         with _one_thread(self._library):
@@ -304,6 +325,19 @@ class Factor:
             f"the stiffness is not positive definite: node {node} is free in its component {component}. A piece of the "
             "lattice hangs on nothing, or nothing of it is fixed: keep the main connected component and fix its back"
         )
+
+    @property
+    def entries(self) -> int:
+        """Entries of L as it is stored, by supernodes [-]."""
+        return len(self._x)
+
+    @property
+    def flops(self) -> float:
+        """Operations of the factorisation, the sum of the squared lengths of the columns of L [-]."""
+        columns, rows = np.diff(self._super).astype(np.float64), np.diff(self._pi).astype(np.float64)
+        below = rows - columns
+        whole = columns * (columns + 1.0)
+        return float(np.sum(columns * below**2 + below * whole + whole * (2.0 * columns + 1.0) / 6.0))
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """The solution x of K x = rhs.

@@ -8,7 +8,7 @@ brought them, so the prescribed motion enters through the contacts only and star
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -34,6 +34,10 @@ CHUNK = 25
 """Steps between two looks at the normal force, while squeezing."""
 REST_S = 2e-6
 """Time to come to rest after the squeeze [s]."""
+MISSED = 0.05
+"""Difference of N from the pressure asked for at which the squeeze is corrected once more [-]."""
+CORRECTIONS = 20
+"""Of the squeeze, before it is given up."""
 STRAYING = 0.2
 """Rms difference of N from a constant load above which a slide carries a remark [-]."""
 START = 0.02
@@ -217,7 +221,9 @@ class _Run:
             missing = (target - settled) * np.ptp(approached) / np.ptp(carried)  # by the stiffness just seen
             press(4 * CHUNK, -missing / (4 * CHUNK * self.dt))
             press(rest // 2, 0.0)
-            press(CHUNK, 0.0)
+            reached = press(CHUNK, 0.0)
+            if abs(reached - target) > MISSED * target:
+                self._correct(press, rest, rows)
         else:
             approach = self.plates.likely_approach()
             steps = max(1, round(approach / speed / self.dt))
@@ -225,6 +231,34 @@ class _Run:
                 press(max(1, steps // 10), -approach / (10 * max(1, steps // 10) * self.dt))
             press(2 * rest, 0.0)
         return _curve(np.array(rows), 0.0)
+
+    def _correct(
+        self, press: Callable[[int, float], float], rest: int, rows: list[tuple[float, float, float, float]]
+    ) -> None:
+        """Come to rest at the pressure asked for, between an approach that gave less of it and one that gave more.
+
+        A light load is passed by far within one chunk, and few spheres touch: one correction by the stiffness just
+        seen may then lift the wheel off.
+        """
+        target, speed, edge = self.plates.target, self.settings.engine.approach_speed, self.settings.plates.edge
+        below, above = 0.0, min((approach for approach, carried, *_ in rows if carried > target), default=float("inf"))
+        for _ in range(CORRECTIONS):
+            approach, reached = rows[-1][:2]
+            if abs(reached - target) <= MISSED * target:
+                return
+            if reached < target:
+                below, above = max(0.0, approach), above if above > approach else float("inf")
+            else:
+                below, above = min(below, approach), approach
+            goal = 0.5 * (below + above) if above < float("inf") else 1.3 * below + 1e-5 * edge
+            steps = max(4 * CHUNK, int(abs(goal - approach) / (speed * self.dt)))
+            press(steps, (approach - goal) / (steps * self.dt))
+            press(rest, 0.0)
+            press(CHUNK, 0.0)
+        raise StabilityError(
+            f"the squeeze does not come to rest at load.pressure = {self.settings.load.pressure:g} MPa but at "
+            f"{rows[-1][1] / self.plates.area:.3g} MPa: take a smaller engine.approach_speed, or a load.interference"
+        )
 
     def _slide(self) -> tuple[Curve, float, float, float, float]:
         keys, slide = self.settings.engine, self.settings.load.slide

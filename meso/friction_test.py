@@ -91,11 +91,15 @@ def slid(
 
 
 def engine_name(settings: Settings) -> str:
-    """The engine that `auto` stands for here: explicit where beams may break or the condensed plates grow too large."""
+    """The engine that `auto` stands for here.
+
+    Explicit where a time step is given, where beams may break, and where the condensed plates grow too large.
+    """
     keys = settings.engine
     if keys.name != "auto":
         return keys.name
-    return "explicit" if keys.breakage or settings.plates.spheres > LARGEST_CONDENSED else "quasi-static"
+    asked = keys.breakage is not None or keys.time_step is not None
+    return "explicit" if asked or settings.plates.spheres > LARGEST_CONDENSED else "quasi-static"
 
 
 def prepared(plates: Plates) -> Engine:

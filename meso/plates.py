@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from .calibrate import beams_for
 from .encounters import Encounters, Faces
+from .errors import PackingError
 from .lattice import Lattice, build, join, turned_over
 from .material import Beams
 from .packing import Packing, morph
@@ -137,7 +138,12 @@ def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
     }[body]
     size = (length, edge)
     spheres = max(1, round(keys.spheres * length / (edge + (edge + slide))))
-    flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+    try:
+        flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+    except PackingError as error:
+        raise PackingError(
+            f"plates.spheres = {keys.spheres} in both plates together, plate of the {body}: {error}"
+        ) from None
     packing = morph(flat, rough_face(settings.surface, body, seed, size))
     lattice = build(
         packing,

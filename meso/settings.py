@@ -120,7 +120,7 @@ class EngineKeys(Keys, frozen=True):
     damping_length: float = 0.08  # explicit: the slide's rate of damping is speed over this length
     squeeze_damping: float = 6e6  # explicit: rate during the squeeze [1/s]
     safety: float = 0.9  # explicit: time step over the critical one
-    time_step: float | None = None  # explicit: instead of safety [s]; above the limit it is refused
+    time_step: float | None = None  # explicit, and asks for it: instead of safety [s]; above the limit it is refused
     breakage: Breakage | None = None
 
     def check(self) -> None:
@@ -133,6 +133,8 @@ class EngineKeys(Keys, frozen=True):
         _between("engine.safety", self.safety, 1e-3, 1.0)
         if self.time_step is not None:
             _positive("engine.time_step", self.time_step)
+            if self.name == "quasi-static":
+                raise SettingsError("engine.time_step asks for engine.name = 'explicit' (or 'auto')")
         if self.breakage is not None:
             _positive("engine.breakage.tensile_strength", self.breakage.tensile_strength)
             _positive("engine.breakage.shear_strength", self.breakage.shear_strength)

@@ -1,6 +1,6 @@
 """Do the two engines agree, and is the law affine in the micro coefficient?
 
-    python -m tests.benchmarks meso_agreement [--pairs 5] [--spheres 3000]
+    python -m tests.benchmarks meso_agreement [--pairs 5] [--spheres 3000] [--quick]
 
 Pairs of new surfaces (n = 3, R = 20 um), each at the interference that gives 170 MPa; quasi-static against explicit at
 5 m/s, for micro_friction 0.07 and 0.01: difference of the coefficient over the micro coefficient, and rms of the
@@ -38,7 +38,10 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks meso_agreement", description=__doc__)
     parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--spheres", type=int, default=3000)
+    parser.add_argument("--quick", action="store_true", help="1 pair of 600 spheres")
     options = parser.parse_args(words)
+    if options.quick:
+        options.pairs, options.spheres = 1, 600
     print("| pair | mu_micro | quasi-static | explicit, 5 m/s | difference | N rms |\n|---|---|---|---|---|---|")
     lines = []
     for pair in range(options.pairs):

@@ -1,6 +1,6 @@
 """Does every slide find its equilibria, whatever the surfaces, their height and the friction?
 
-    python -m tests.benchmarks meso_sweep [--slides 200] [--spheres 3000]
+    python -m tests.benchmarks meso_sweep [--slides 200] [--spheres 3000] [--quick]
 
 Random slides: n = 3, 4, 5 in turn, R log-uniform in 5-40 um, micro_friction uniform in 0.01-0.09, new surfaces each
 time. Prints a Markdown table; ends with 1 where a slide has no answer or an increment above its tolerance.
@@ -25,7 +25,10 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks meso_sweep", description=__doc__)
     parser.add_argument("--slides", type=int, default=200)
     parser.add_argument("--spheres", type=int, default=3000)
+    parser.add_argument("--quick", action="store_true", help="3 slides of 900 spheres")
     options = parser.parse_args(words)
+    if options.quick:
+        options.slides, options.spheres = 3, 900
     rng = generator("sweep")
     fallen_back, failed, halved, worst = 0, 0, 0, 0.0
     spent = []

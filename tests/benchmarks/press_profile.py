@@ -56,7 +56,8 @@ def stages(scene: Scene) -> list[Cost]:
 
     watched = {
         "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"), "schur": (body, "schur_complement"),
-        "inverse": (body, "_spd_inverse", size), "condense": (assembly, "condense_bodies"),
+        "inverse": (Body, "_definite", lambda arguments, _: float(len(arguments[1]))),
+        "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
         "pair": (press, "pair"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
         "respond": (Condensed, "respond", moments), "lu": (sla, "lu_factor", size),
@@ -82,7 +83,7 @@ def stages(scene: Scene) -> list[Cost]:
         Cost("set-up: meshes (gmsh)", t["mesh"]),
         Cost("set-up: spaces and matrices (dolfinx)", t["assembly"] - t["mesh"]),
         Cost("set-up: Schur complements (MUMPS)", t["schur"]),
-        Cost("set-up: dense inverses", t["inverse"], n3, WORD * 2.0 * n3 ** (2.0 / 3.0)),
+        Cost("set-up: their Cholesky factors", t["inverse"], n3 / 3.0, WORD * n3 ** (2.0 / 3.0)),
         Cost("set-up: condensing, rest", t["condense"] - t["schur"] - t["inverse"]),
         Cost("set-up: influence of whole facets", t["engine"]),
         Cost("increments: pairing of the lines", t["pair"]),

@@ -55,9 +55,9 @@ RULES = {
     "provider calls": "one for a uniform coefficient, otherwise at most one per increment",
     "pairs asked": "each pair of tiles once; one for a uniform coefficient",
     "compilations": "of forms and kernels: none with warm caches",
-    "packages": f"of {', '.join(PACKAGES)}: gmsh where a body is drawn, meshio (and rich with it) where a mesh is read or "
-    "fields are written, h5py and matplotlib for the files of any run, numba and meso for plates, torch, safetensors, meso and "
-    "surrogate for the network",
+    "packages": f"of {', '.join(PACKAGES)}: gmsh where a body is drawn, meshio (and rich with it) where a mesh is "
+    "read or fields are written, h5py and matplotlib for the files of any run, numba and meso for plates, torch, "
+    "safetensors, meso and surrogate for the network",
     "files": "scene.toml, journal.bin, fitting_curve.csv and .png, summary.json, interface.h5; interface.png where "
     "there is contact, friction.png where pairs differ, two stress figures and fields/ where fields are asked for",
 }
