@@ -46,10 +46,15 @@ def cpu(work: Callable[[], Result], repeats: int = 3, warm: int = 1) -> tuple[Co
     return Cost(tuple(taken)), result
 
 
+def peak_memory() -> float:
+    """The most memory this process has had [MiB]; ru_maxrss would begin with that of the one that started it."""
+    status = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024.0 for line in status if line.startswith("VmHWM"))
+
+
 def alone(code: str, timeout: float = 3600.0) -> list[str]:
     """The words that ``code`` prints in a process of its own, and then the peak of its memory [MiB]."""
-    # not ru_maxrss: a process begins with that of the one that started it
-    ending = "\nprint(next(int(line.split()[1]) / 1024 for line in open('/proc/self/status') if 'VmHWM' in line))"
+    ending = "\nfrom tests.benchmarks._measure import peak_memory; print(peak_memory())"
     done = subprocess.run(
         [sys.executable, "-c", code + ending], capture_output=True, text=True, timeout=timeout, check=False,
         cwd=Path(__file__).parents[2], stdin=subprocess.DEVNULL,

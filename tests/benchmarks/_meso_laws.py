@@ -320,7 +320,7 @@ def repeated(keys: Sequence[str], *, fresh: bool) -> Verdict:
         code = f"""
 from meso.friction_test import run
 from meso.settings import load
-from tests.benchmarks._meso_laws import bits
+from ._meso_laws import bits
 print(bits(run(load(None, {list(keys)!r})).slides[0].curve))
 """
         hashes.add(alone(code)[0])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from meso import kernels
-from tests.benchmarks._profile import Watch
+
+from ._profile import Watch
 
 
 def newton_iterations() -> Watch:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import blas
 
-from tests.benchmarks._measure import cpu, row
+from ._measure import cpu, row
 
 WORD = 8.0
 """Bytes of a number."""

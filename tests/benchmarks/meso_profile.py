@@ -27,8 +27,9 @@ from meso.lattice import Lattice
 from meso.plates import Plates, make_plates
 from meso.quasistatic import QuasiStatic
 from meso.settings import load
-from tests.benchmarks._measure import head
-from tests.benchmarks._profile import WORD, Cost, Watch, line, medians, rates
+
+from ._measure import head
+from ._profile import WORD, Cost, Watch, line, medians, rates
 
 BOND_FLOPS, NODE_FLOPS = 97.0, 60.0
 """Of `kernels.beam` with both ends' sums, and of a node's leapfrog step."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -30,9 +29,10 @@ from meso.linear import Linear
 from meso.plates import Plates, make_plates
 from meso.quasistatic import QuasiStatic
 from meso.settings import load
-from tests.benchmarks._measure import alone, draw_growth, growth, head, row
-from tests.benchmarks._plates import newton_iterations
-from tests.benchmarks._profile import Watch
+
+from ._measure import alone, draw_growth, growth, head, peak_memory, row
+from ._plates import newton_iterations
+from ._profile import Watch
 
 SIZES = {"explicit": (1000, 3000, 10_000, 30_000, 100_000), "quasi-static": (1000, 3000, 10_000, 30_000)}
 """Spheres; the dense compliances and the factors take over 8 GiB at 100,000."""
@@ -89,8 +89,7 @@ def timed(found: Measured, stage: str, work: Callable[[], object], scale: float 
     """The result of some work; its cost goes to `found`."""
     started = time.process_time()
     result = work()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    found[stage] = (scale * (time.process_time() - started), peak)
+    found[stage] = (scale * (time.process_time() - started), peak_memory())
     return result
 
 

@@ -27,7 +27,8 @@ from macrofit.identify import fit
 from macrofit.scene import load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
-from tests.benchmarks._measure import head, lines, row
+
+from ._measure import head, lines, row
 
 MICRO = (0.01, 0.03, 0.05, 0.07, 0.09)
 NETWORK = ("friction.provider=surrogate", "friction.options.fallback=warning")

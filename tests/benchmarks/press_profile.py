@@ -28,8 +28,9 @@ from macrofit.press import Press
 from macrofit.scene import Scene, load_scene
 from macrofit.solve import solve
 from macrofit.stress import StressEvaluator
-from tests.benchmarks._measure import head, save
-from tests.benchmarks._profile import WORD, Cost, Watch, line, medians, rates
+
+from ._measure import head, save
+from ._profile import WORD, Cost, Watch, line, medians, rates
 
 
 def product(arguments: Any, _: Any) -> tuple[float, float]:

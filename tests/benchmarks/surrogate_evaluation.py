@@ -19,8 +19,9 @@ from typing import Any
 
 from surrogate.evaluate import evaluation
 from surrogate.shipped import ENVELOPE, EVALUATION, NETWORK, PAPER
-from tests.benchmarks._database import evaluation_database
-from tests.benchmarks._measure import head, row
+
+from ._database import evaluation_database
+from ._measure import head, row
 
 KINDS = ("constant ratio", "foundation alone", "paper's architecture", "network", "network, envelopes", "noise floor")
 
