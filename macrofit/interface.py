@@ -95,8 +95,12 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.
             return None
         if depth > 0.0:
             near = np.flatnonzero(gap < reach * depth)
-            low = max(low, s[np.searchsorted(s, cuts[near[0]], side="right") - 1])
-            high = min(high, s[min(np.searchsorted(s, cuts[near[-1]], side="left"), len(s) - 1)])
+            first = int(np.searchsorted(s, cuts[near[0]], side="right")) - 1
+            last = int(np.searchsorted(s, cuts[near[-1]], side="left"))
+            if first == last:  # nothing but one node of the seat is near: the facets on both sides of it
+                first, last = first - 1, last + 1
+            low = max(low, s[max(first, 0)])
+            high = min(high, s[min(last, len(s) - 1)])
             kept = (cuts >= low) & (cuts <= high)
             clearance = float(gap[~kept].min(initial=np.inf))
             cuts = cuts[kept]

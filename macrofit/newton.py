@@ -13,6 +13,9 @@ from .geometry import FloatArray
 TOLERANCE = 1e-10
 """Largest error of the traction that is left, relative to the largest traction."""
 
+RESIDUAL = 1e-7
+"""Largest violation of the traction law that is accepted, relative to the largest traction."""
+
 CONTRACTION = 1e-2
 """Least factor between two changes that is believed; those of kappa are below."""
 
@@ -57,8 +60,11 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         scale = float(np.abs(answer.traction).max(initial=0.0))
         change = np.inf if before is None else float(np.abs(answer.traction - before).max(initial=0.0))
         left = change * min(max(change / last, CONTRACTION), 1.0) if 0.0 < last < np.inf else change
-        settled = asked.same(status) and (
-            left <= TOLERANCE * scale or bool((np.abs(answer.kappa - kappa) <= 1e-13).all())
+        error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
+        settled = (
+            asked.same(status)
+            and (left <= TOLERANCE * scale or bool((np.abs(answer.kappa - kappa) <= 1e-13).all()))
+            and error <= RESIDUAL * scale
         )
         if settled or iteration == limit:
             break
@@ -67,7 +73,6 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
             asked = _one_change(status, asked, answer.trial, friction)
         seen.add(key)
         before, last, status, kappa = answer.traction, change, asked, answer.kappa
-    error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
     return Report(answer, status, iteration, error / scale if scale else error, settled)
 
 
