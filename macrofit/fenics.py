@@ -19,10 +19,13 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
+import petsc4py
 import petsc4py.lib
 import scipy.sparse as sp
 from mpi4py import MPI
-from petsc4py import PETSc
+
+petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
+from petsc4py import PETSc  # noqa: E402
 
 from .geometry import FloatArray
 from .mesh import IntArray, MeshData

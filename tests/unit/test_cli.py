@@ -220,3 +220,13 @@ def test_the_fake_scene_is_the_scene_of_the_file(scene_file):
     from macrofit.scene import load_scene
 
     assert load_scene(scene_file) == fake_scene()
+
+
+def test_a_closed_pipe_ends_a_run_quietly(tmp_path):
+    """`macrofit run ... | head`: no traceback and no word of a crash."""
+    words = [sys.executable, "-m", "macrofit", "run", "contact-patch", "-o", str(tmp_path / "run")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        run.stdout.close()
+        said = run.stderr.read()
+        assert run.wait(timeout=60) == 1
+    assert said == ""

@@ -47,6 +47,7 @@ def test_cold_and_broken_cache(tmp_path: Path) -> None:
 def test_factors_leave_the_memory() -> None:
     """A Schur complement of 800 unknowns takes 5 MiB, twice in its factor: ten that stayed would add 100 MiB."""
     done = subprocess.run(
-        [sys.executable, "-c", FACTORS], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True, timeout=100
+        [sys.executable, "-c", FACTORS],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True, timeout=100,
     )  # fmt: skip
     assert float(done.stdout) < 25.0
