@@ -37,7 +37,9 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     engine: str
     """The engine that answered."""
     remark: str
-    """Why another engine than the one asked for, if so."""
+    """Why another engine than the one asked for, or another load, if so."""
+    imbalance: float
+    """Share of the work that is unaccounted for [-]."""
     unconverged_increments: int
     largest_residual: float
     """Over the largest contact force [-]."""

@@ -133,6 +133,7 @@ class _Run:
         self.plates, self.settings, self.dt = engine.plates, engine.plates.settings, engine.time_step
         self.micro_friction = micro_friction
         self.range, self.margin = engine.range, engine.margin
+        self.unmet = ""
         self.body: _Body
         if self.settings.engine.breakage is None:
             self.body = Linear(
@@ -170,7 +171,7 @@ class _Run:
             largest_residual=0.0,
             cpu_s=time.process_time() - started,
             breaks=_breaks(self.body),
-            remark=self._straying(curve),
+            remark="; ".join(filter(None, (self.unmet, self._straying(curve)))),
         )
 
     def _straying(self, curve: Curve) -> str:
@@ -238,13 +239,21 @@ class _Run:
         """Come to rest at the pressure asked for, between an approach that gave less of it and one that gave more.
 
         A light load is passed by far within one chunk, and few spheres touch: one correction by the stiffness just
-        seen may then lift the wheel off.
+        seen may then lift the wheel off. Where beams have broken no approach gives again what it gave before: the
+        squeeze is left as it is, and the slide carries a remark.
         """
         target, speed, edge = self.plates.target, self.settings.engine.approach_speed, self.settings.plates.edge
         below, above = 0.0, min((approach for approach, carried, *_ in rows if carried > target), default=float("inf"))
         for _ in range(CORRECTIONS):
             approach, reached = rows[-1][:2]
             if abs(reached - target) <= MISSED * target:
+                return
+            breaks = _breaks(self.body)
+            if breaks is not None and breaks.time:
+                self.unmet = (
+                    f"squeezed to {reached / self.plates.area:.3g} MPa, where {len(breaks.time)} beams broke, not to "
+                    f"load.pressure = {self.settings.load.pressure:g} MPa"
+                )
                 return
             if reached < target:
                 below, above = max(0.0, approach), above if above > approach else float("inf")

@@ -31,7 +31,7 @@ from .lattice import Lattice
 from .material import Material
 from .packing import Packing
 from .plates import beams_of, face_to_face, make_plate
-from .records import Slide
+from .records import UNBALANCED, Slide
 from .settings import Settings, decode
 from .surface import Body, tile_seed
 
@@ -130,17 +130,19 @@ class TileFriction:
     """Friction tests made, not taken from the cache."""
     clipped: int
     """Answers of 0 in place of a negative number."""
+    doubtful: int
+    """Answers with a share of the work above `UNBALANCED` unaccounted for, or with a remark."""
 
     def __init__(self, settings: Settings, seed: int, cache: CoefficientCache | None = None) -> None:
         self.shared, self.seed, self.cache = settings, seed, cache
-        self.runs = self.clipped = 0
+        self.runs = self.clipped = self.doubtful = 0
         self._last: dict[tuple[int, int], Entry] = {}
         self._plate = functools.lru_cache(2 * HELD_SPHERES // settings.plates.spheres)(self._made)
 
     @property
     def counters(self) -> dict[str, int]:
         """For the report of a run."""
-        return {"runs": self.runs, "clipped": self.clipped}
+        return {"runs": self.runs, "clipped": self.clipped, "doubtful": self.doubtful}
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -196,6 +198,17 @@ class TileFriction:
         return entry
 
     def _bounded(self, seat: int, bore: int, entry: Entry) -> float:
+        unbalanced = abs(entry.imbalance) > UNBALANCED
+        if unbalanced or entry.remark:
+            if not self.doubtful:
+                left = f"{abs(entry.imbalance):.0%} of the work is unaccounted for" if unbalanced else ""
+                warnings.warn(
+                    f"friction provider 'dem': the coefficient of seat tile {seat} and bore tile {bore}, "
+                    f"{entry.coefficient:.4f}, is doubtful, and so may others be: "
+                    + "; ".join(filter(None, (left, entry.remark))),
+                    stacklevel=3,
+                )
+            self.doubtful += 1
         if entry.coefficient < 0.0:
             if not self.clipped:
                 warnings.warn(
@@ -232,6 +245,7 @@ def _entry(settings: Settings, slide: Slide) -> Entry:
         mean_tangential=curve.mean_tangential,
         engine=slide.engine,
         remark=slide.remark,
+        imbalance=slide.work.imbalance,
         unconverged_increments=slide.unconverged_increments,
         largest_residual=slide.largest_residual,
         settings=settings,

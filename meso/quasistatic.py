@@ -22,6 +22,7 @@ from .plates import Plates
 from .records import Curve, Slide, Work
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
 
 ITERATIONS = 30
 """Newton iterations before an increment is halved."""
@@ -31,8 +32,13 @@ SQUEEZE_INCREMENTS = 8
 """Of the approach; the contact law has no memory of it but in friction."""
 MARGIN = 0.003
 """How far elastic displacements may bring two spheres towards each other before the candidates are widened [mm]."""
+DEEPER = 0.002
+"""Approach that the candidates allow for beyond 1.4 times the likely one [mm]."""
 CLOSE = 0.0015
-"""Gap above which two spheres cannot touch any more within an increment [mm]."""
+"""Gap above which two spheres are left out of an increment [mm]; where they touch in the end, it is done anew."""
+STIRRED = 2.0
+"""No sphere that is left out moves more within an increment than this times the contact that moves most [-]: under a
+load a surface moves most where it is loaded."""
 
 
 class Unsettled(MesoError):
@@ -48,7 +54,7 @@ class QuasiStatic:
         self.plates = plates
         self.factorisations = 0
         approach = plates.likely_approach()
-        self._prepare(1.4 * approach + 0.002, MARGIN)
+        self._prepare(1.4 * approach + DEEPER, MARGIN)
 
     def _prepare(self, depth: float, margin: float) -> None:
         """Condense on the spheres that may meet down to this approach, with this margin [mm]."""
@@ -98,6 +104,7 @@ class _Run:
         self.normals = np.zeros((count, 3))
         self.drive = np.array([0.0, 0.0, self.plates.first_touch])
         self.sums = np.zeros(6)
+        self.pressing = np.empty(0, np.int64)
         self.steps, self.largest_residual = 0, 0.0
         self.rows: list[FloatArray] = [np.zeros(9)]
         self.rows[0][2] = self.drive[2]
@@ -165,16 +172,23 @@ class _Run:
     def _settle(self, place: FloatArray, target: float) -> bool:
         engine, keys = self.engine, self.plates.settings.engine
         live = np.flatnonzero((engine.encounters.first <= place[0]) & (engine.encounters.last >= place[0]))
+        gone = self.pressing[engine.encounters.last[self.pressing] < place[0]]
+        if len(gone):  # carried along sideways, they press where they should long be apart
+            raise _Beyond(0.0, 1.3 * float(_gap(engine.encounters, gone, place).max()))
         before, normals = self.forces[live], self.normals[live]
-        drive = place.copy()
-        try:
-            _, residual, closing = kernels.settle(
-                *engine.compliances, live, engine.pair, engine.encounters.apart, engine.encounters.law, self.history,
-                self.forces, self.micro_friction, drive, target, ITERATIONS, keys.tolerance, CLOSE,
-                self.trial, self.normals, self.sums,
-            )  # fmt: skip
-        except np.linalg.LinAlgError:  # a step of Newton from a state that can go two ways
-            residual, closing = np.inf, 0.0
+        for close in (CLOSE, np.inf):
+            drive = place.copy()
+            try:
+                _, residual, closing = kernels.settle(
+                    *engine.compliances, live, engine.pair, engine.encounters.apart, engine.encounters.law,
+                    self.history, self.forces, self.micro_friction, drive, target, ITERATIONS, keys.tolerance, close,
+                    self.trial, self.normals, self.sums,
+                )  # fmt: skip
+            except np.linalg.LinAlgError:  # a step of Newton from a state that can go two ways
+                residual, closing = np.inf, 0.0
+            if close == np.inf or not (residual <= keys.tolerance and self._left_out(live, before, place, drive)):
+                break
+            self.forces[live], self.normals[live] = before, normals
         self.steps += 1
         if not residual <= keys.tolerance:
             self.forces[live], self.normals[live] = before, normals
@@ -183,10 +197,41 @@ class _Run:
         if depth > engine.depth or closing > engine.margin:
             raise _Beyond(1.3 * depth, 1.3 * closing)
         self.history[live] = self.trial[live]
-        self.drive = drive
+        self.drive, self.pressing = drive, live[self.forces[live].any(axis=1)]
         self.largest_residual = max(self.largest_residual, residual)
         self.rows.append(np.array([*drive, *self.sums]))
         return True
+
+    def _left_out(self, live: IntArray, before: FloatArray, place: FloatArray, drive: FloatArray) -> bool:
+        """Whether spheres that were farther apart than CLOSE at `place` press on each other at `drive`."""
+        engine, meet = self.engine, self.engine.encounters
+        pressed = self.forces[live].any(axis=1)
+        if not pressed.any():
+            return False
+        held = live[pressed & before.any(axis=1)]
+        reach = np.inf
+        if len(held):
+            moved = self.trial[held, 3:6] - self.history[held, 3:6] - (drive - self.drive)
+            reach = STIRRED * float(np.sqrt(np.einsum("pa,pa->p", moved, moved).max())) + abs(drive[2] - place[2])
+            if reach <= CLOSE:
+                return False
+        apart = live[~pressed]
+        gap = _gap(meet, apart, self.trial[apart, 3:6])
+        apart = apart[(gap >= CLOSE) & (gap < reach)]
+        if not len(apart):
+            return False
+        near, (i, j) = np.concatenate([live[pressed], apart]), engine.pair[apart].T
+        wheel, axle = (np.empty((len(compliance) // 6, 6)) for compliance in engine.compliances)
+        kernels.load_plates(*engine.compliances, near, engine.pair, meet.law, self.forces, self.normals, wheel, axle)
+        overlap = -_gap(meet, apart, drive + wheel[i, :3] - axle[j, :3]) * meet.law[apart, 2]
+        return bool(overlap.max() > self.plates.settings.engine.tolerance * float(np.abs(self.forces[near]).max()))
+
+
+def _gap(meet: Encounters, pairs: IntArray, carried: FloatArray) -> FloatArray:
+    """Of pairs whose wheel sphere has gone this far (p, 3) against the axle's [mm]; negative where they overlap."""
+    between = meet.apart[pairs] - carried
+    gap: FloatArray = np.sqrt(np.einsum("pa,pa->p", between, between)) - meet.law[pairs, 0] - meet.law[pairs, 1]
+    return gap
 
 
 def _curve(rows: FloatArray, displacement: FloatArray) -> Curve:

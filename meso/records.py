@@ -103,6 +103,10 @@ class Sums:
     """By beams that broke [N mm]."""
 
 
+UNBALANCED = 0.02
+"""Share of the work left over above which an answer is not to be relied on [-]."""
+
+
 class Work(msgspec.Struct, frozen=True, kw_only=True):
     """The account of a slide [N mm]: drive = friction + damping + broken + changes of what is stored + imbalance."""
 
@@ -165,4 +169,4 @@ class Slide:
     """Of squeeze and slide, set-up left out [s]."""
     breaks: Breaks | None = None
     remark: str = ""
-    """Why another engine than the one asked for gave the answer, if so."""
+    """Why another engine than the one asked for gave the answer, or why the load is another, if so."""

@@ -16,12 +16,10 @@ from .friction_test import FrictionTest
 from .material import Beams, Material
 from .packing import Packing
 from .plates import Plates
-from .records import Slide
+from .records import UNBALANCED, Slide
 from .roughness import Roughness, measure
 from .surface import Surface
 
-UNBALANCED = 0.02
-"""Share of the work left over above which the summary says so [-]."""
 PAPER = "Lalleman et al. report about 0.11 for micro 0.07; sliding in equilibrium, this model gives 0.05 to 0.09"
 
 

@@ -135,6 +135,8 @@ def renewed(readme: str, folder: Path) -> str:
     """The README with the tables between its marks as they were measured last."""
 
     def table(match: re.Match[str]) -> str:
+        if not (folder / f"{match[2]}.md").is_file():
+            return match[0]
         blocks = re.findall(r"(?:^\|.*\n)+", (folder / f"{match[2]}.md").read_text(), re.MULTILINE)
         return f"{match[1]}{blocks[int(match[3] or 1) - 1]}{match[4]}"
 

@@ -34,8 +34,8 @@ from meso.friction_test import prepared, slid
 from meso.lattice import Lattice
 from meso.linear import Linear
 from meso.plates import Plates
-from meso.records import Slide
-from meso.report import UNBALANCED, slide_numbers
+from meso.records import UNBALANCED, Slide
+from meso.report import slide_numbers
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 ROUNDING = 1e-8
@@ -128,7 +128,8 @@ def load_faults(slide: Slide, plates: Plates) -> list[str]:
         return [f"interference missed by {missed:.2e} mm"] if missed > 1e-9 else []
     faults = []
     reached = slide.squeeze.normal[-1]
-    if abs(reached - target) > loose * target + LEAST_FORCE * largest_stiffness(plates):
+    said = f"squeezed to {reached / plates.area:.3g} MPa" in slide.remark
+    if not said and abs(reached - target) > loose * target + LEAST_FORCE * largest_stiffness(plates):
         faults.append(f"squeezed to {reached:.4g} N, asked for {target:.4g} N")
     if load.control == "force" and slide.engine == "quasi-static":
         away = np.abs(slide.curve.normal - target).max()
@@ -277,7 +278,9 @@ class Solid:
     @cached_property
     def factors(self) -> Any:
         """Of its stiffness, by SuperLU."""
-        return splu(self.lattice.stiffness(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        return splu(
+            self.lattice.stiffness(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
 
     def displaced(self, load: FloatArray) -> FloatArray:
         """u (n, 6) under a load (n, 6)."""

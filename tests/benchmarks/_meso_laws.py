@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from typing import Any, TypeAlias
+from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
 
+from meso import quasistatic
 from meso.breakage import Breaking
 from meso.errors import MesoError
 from meso.explicit import Explicit, critical_time_step
@@ -94,7 +96,9 @@ def drifting(lattice: Lattice, safety: float, steps: int, *, large: bool) -> Ver
     """Energy and momenta of a free lattice, struck at random, at the start and at the end.
 
     Leapfrog keeps E = sum m v-.v+ / 2 + U of a linear lattice exactly; rounding of 1e-16 each step, adding up like a
-    random walk at best and steadily at worst, leaves 1e-13 to 1e-10 after a million. A co-rotational lattice is not
+    random walk at best and steadily at worst, leaves 1e-13 to 1e-10 after a million. That holds for displacements that
+    stay as they are: there is no rigid motion at the start, which would add up without end in a linear lattice, and the
+    torque of its rounding, 1e-16 of it, with its square. A co-rotational lattice is not
     linear: E then swings by the square of the step times the strains, and must not drift.
     """
     dt = safety * critical_time_step(lattice)
@@ -103,6 +107,8 @@ def drifting(lattice: Lattice, safety: float, steps: int, *, large: bool) -> Ver
         strong = Breakage(tensile_strength=1e12, shear_strength=1e12)
         body = Breaking(lattice, strong, dt=dt, contact_modulus=210e3)
     body.v[:] = np.random.default_rng(5).normal(size=body.v.shape) * (1.0, 1.0, 1.0, 20.0, 20.0, 20.0)
+    inertia, modes = np.repeat(1.0 / lattice.inverse, 3, axis=1).ravel(), rigid_motions(lattice).reshape(6, -1)
+    body.v -= (modes.T @ np.linalg.solve(inertia * modes @ modes.T, modes @ (inertia * body.v.ravel()))).reshape(-1, 6)
 
     still = (0.0, 0.0, 0.0)
 
@@ -177,9 +183,24 @@ def invariances(rng: Rng) -> Iterator[Case]:
                 yield lambda plates=plates, change=change: alike(plates, change(plates), Explicit, change.__name__)
 
 
+LENGTHS = ("MARGIN", "DEEPER", "CLOSE")
+"""Of `meso.quasistatic`. Where spheres left out of an increment were at its end is known to a fraction of CLOSE, so the
+first slip of those that touch next, and the coefficient with it, depends on it a little: by 5e-5 in this family."""
+
+
 def alike(one: Plates, other: Plates, engine: Any, change: str) -> Verdict:
-    """Both give the same coefficient, N(t) and T(t), to what the tolerance of the increments leaves."""
-    a, b = verdict(one, engine(one)), verdict(other, engine(other))
+    """Both give the same coefficient, N(t) and T(t), to what the tolerance of the increments leaves.
+
+    The explicit engine takes the same time step for both: its limit is an eigenvalue found to 0.5 % from a start that
+    depends on the order of the spheres. The lengths that the quasi-static engine has of its own grow with the plates.
+    """
+    first, scale = engine(one), 2.0 if change == "larger" else 1.0
+    a = verdict(one, first)
+    with mock.patch.multiple(quasistatic, **{name: scale * getattr(quasistatic, name) for name in LENGTHS}):
+        second = engine(other)
+        if isinstance(second, Explicit):
+            second.time_step = first.time_step
+        b = verdict(other, second)
     found = Verdict(faults=a.faults + b.faults, balance=max(a.balance, b.balance), said=a.said or b.said, slide=a.slide)
     if a.slide and b.slide and a.slide.steps == b.slide.steps:
         mean = [slide.curve.mean_normal for slide in (a.slide, b.slide)]
@@ -320,7 +341,7 @@ def repeated(keys: Sequence[str], *, fresh: bool) -> Verdict:
         code = f"""
 from meso.friction_test import run
 from meso.settings import load
-from ._meso_laws import bits
+from tests.benchmarks._meso_laws import bits
 print(bits(run(load(None, {list(keys)!r})).slides[0].curve))
 """
         hashes.add(alone(code)[0])
@@ -355,19 +376,35 @@ def lattice_laws(plates: Plates) -> Verdict:
     return found
 
 
-def one_lattice(packing: Packing, lattice: Lattice, plates: Plates) -> tuple[list[str], float]:
-    """What is wrong with a plate, and how far rigid motions and the forces of the face are from balance."""
-    K = lattice.stiffness()
-    scale = float(np.abs(K.data).max())
-    asymmetry = float(np.abs(K - K.T).max()) / scale
-    free = replace(lattice, anchored=np.empty(0, np.int64), anchors=np.empty((0, 5)))
+def likely_largest(packing: Packing) -> float:
+    """Largest overlap over mean radius if overlaps were exponentially distributed [-].
+
+    The forces between harmonic spheres that jam fall off at least as fast: the largest of n is below mean times ln n.
+    """
+    i, j = packing.contacts.T
+    reach = packing.radii[i] + packing.radii[j]
+    overlap = 2.0 * (1.0 - np.linalg.norm(packing.centres[j] - packing.centres[i], axis=1) / reach)
+    return float(overlap.mean() * np.log(len(overlap)))
+
+
+def rigid_motions(lattice: Lattice) -> FloatArray:
+    """Three shifts and three rotations about the middle, shape (6, n, 6)."""
     x = lattice.centres - lattice.centres.mean(axis=0)
     rigid = np.zeros((6, lattice.nodes, 6))
     for axis in range(3):
         rigid[axis, :, axis] = 1.0
         rigid[3 + axis, :, 3 + axis] = 1.0
         rigid[3 + axis, :, :3] = np.cross(np.eye(3)[axis], x)
-    resisted = float(np.abs(free.stiffness() @ rigid.reshape(6, -1).T).max()) / scale
+    return rigid
+
+
+def one_lattice(packing: Packing, lattice: Lattice, plates: Plates) -> tuple[list[str], float]:
+    """What is wrong with a plate, and how far rigid motions and the forces of the face are from balance."""
+    K = lattice.stiffness()
+    scale = float(np.abs(K.data).max())
+    asymmetry = float(np.abs(K - K.T).max()) / scale
+    free = replace(lattice, anchored=np.empty(0, np.int64), anchors=np.empty((0, 5)))
+    resisted = float(np.abs(free.stiffness() @ rigid_motions(lattice).reshape(6, -1).T).max()) / scale
     u = np.random.default_rng(1).normal(size=(lattice.nodes, 6)) * 1e-6
     pulled = (K @ u.ravel()).reshape(-1, 6)[:, :3].sum(axis=0)  # beams are internal: all of it is the face's
     unbalanced = float(np.abs(pulled + held(lattice, u)).max() / np.abs(K @ u.ravel()).sum())
@@ -381,7 +418,7 @@ def one_lattice(packing: Packing, lattice: Lattice, plates: Plates) -> tuple[lis
         "energy not positive": float(u.ravel() @ (K @ u.ravel())) > 0.0,
         "mass": abs(float(lattice.masses.sum()) / mass - 1.0) < 1e-9,
         "coordination": packing.coordination > 5.5,
-        "spheres overlap": packing.largest_overlap < 0.5,
+        "spheres overlap": packing.largest_overlap < min(0.5, likely_largest(packing)),
         "a sphere outside of its plate": bool(np.all(packing.centres[:, 2] < heights) and packing.centres.min() > 0.0),
         "nothing holds the back": len(lattice.anchored) > 3 and bool(np.all(lattice.anchors[:, :2] > 0.0)),
     }

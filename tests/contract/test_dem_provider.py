@@ -48,6 +48,12 @@ SMALL: dict[str, Any] = {
 PAIRS = ((2, 5), (0, 1), (2, 3))
 
 
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In ten increments the toy plates leave a good part of the work unaccounted for."""
+    monkeypatch.setattr("meso.provider.UNBALANCED", 1.0)
+
+
 def made(cache_dir: Path | None = None, tile_size: float = 0.5, modulus: float = 206e3, **options: Any) -> TileFriction:
     context = BuildContext(
         seat_tiles=8,
@@ -177,6 +183,20 @@ def test_a_negative_coefficient_counts_as_none(tmp_path: Path) -> None:
     assert provider.entry(3, 0).coefficient < 0.0
 
 
+@pytest.mark.parametrize("kept", [False, True], ids=["computed now", "from the cache"])
+def test_work_that_is_missing_is_told_once_and_counted(
+    kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if kept:
+        answers(made(tmp_path), *PAIRS)
+    provider = made(tmp_path)
+    missing = [abs(provider.entry(*pair).imbalance) for pair in PAIRS]
+    monkeypatch.setattr("meso.provider.UNBALANCED", float(np.median(missing)))
+    with pytest.warns(UserWarning, match=r"is doubtful, and so may others be: \d+% of the work is unaccounted") as told:
+        answers(provider, *PAIRS)
+    assert (provider.doubtful, provider.counters["doubtful"], len(told)) == (1, 1, 1)
+
+
 # Options
 
 
@@ -287,6 +307,7 @@ context = BuildContext(
 )
 provider = build("dem", {options}, context)
 warnings.simplefilter("error")
+warnings.filterwarnings("ignore", ".* is doubtful, and so may others be")
 print("ready", flush=True)
 sys.stdin.readline()
 seat, bore = np.divmod(np.arange(12), 4)

@@ -5,22 +5,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from meso import kernels
+from meso import kernels, quasistatic
 from meso.errors import MesoError
 from meso.plates import Plates, make_plates
 from meso.quasistatic import QuasiStatic
 from meso.settings import load
+from meso.surface import generator
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.benchmarks import _meso_checks as checks
 from tests.benchmarks import _meso_laws as laws
-from tests.benchmarks.meso_stability import main, swept
+from tests.benchmarks.meso_stability import frictions, main, swept
 
 KEYS = ("plates.spheres=400", "load.interference=0.004", "engine.increment=0.02", "surface.generator=self_affine")
 SLIDE = ("load.slide=0.2", "engine.samples=20", "engine.speed=100000")
@@ -128,6 +130,31 @@ def test_overlaps_nobody_knows_of_are_seen(plates: Plates, monkeypatch: pytest.M
     monkeypatch.setattr(Plates, "encounters", few)
     assert any("overlap" in fault for fault in checks.verdict(with_keys(plates, "engine.name=explicit")).faults)
     assert any("overlap" in fault for fault in checks.verdict(plates).faults)
+
+
+def test_contacts_left_out_of_an_increment_are_found(plates: Plates, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though all that do not touch at its start are left out; and where nobody looks, it is seen."""
+    monkeypatch.setattr(quasistatic, "CLOSE", 0.0)
+    monkeypatch.setattr(checks.WatchedIncrements, "EVERY", 1)
+    fine = with_keys(plates, "engine.increment=0.004")
+    assert checks.verdict(fine).faults == []
+    monkeypatch.setattr(quasistatic._Run, "_left_out", lambda *_: False)
+    assert any("overlap" in fault for fault in checks.verdict(fine).faults)
+
+
+def test_spheres_that_press_beyond_their_window_are_kept() -> None:
+    """Friction carries them along by more than the margin of the encounters."""
+    found = next(islice(frictions(generator("stability")), 45, None))()
+    assert found.faults == []
+
+
+def test_a_squeeze_that_breaks_beams_says_what_it_reached(plates: Plates) -> None:
+    soft = "engine.breakage={tensile_strength=6000.0, shear_strength=6000.0}"
+    keys = (*KEYS[:1], *KEYS[2:], *SLIDE)
+    slide = checks.verdict(replace(plates, settings=load(None, [*keys, soft]))).slide
+    assert slide is not None
+    reached = slide.squeeze.normal[-1] / plates.area
+    assert slide.remark.startswith(f"squeezed to {reached:.3g} MPa, where ")
 
 
 def test_wrong_loads_are_seen(plates: Plates) -> None:
