@@ -41,7 +41,7 @@ class Pairing:
     slope: FloatArray  # (p n, span of the band): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
-    clearance: float  # smallest undeformed gap at the ends that were left out [mm]; infinite where none were
+    clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
         """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
@@ -74,8 +74,8 @@ class Pairing:
 def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> Pairing | None:
     """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap.
 
-    With a finite ``reach`` the facets at either end are left out where the undeformed gap is wider than ``reach`` times
-    the deepest interpenetration, and None is returned where the gap is open all along.
+    With a finite ``reach`` the facets at either end are left out where the undeformed gap is nowhere smaller than
+    ``reach`` times the deepest interpenetration, and None is returned where the gap is open all along.
     """
     shift = travel if seat.radial else 0.0
     s, b = seat.coordinate, bore.coordinate + shift
@@ -94,16 +94,13 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.
         if depth <= -0.02 * float(seat.length.max()):
             return None
         if depth > 0.0:
-            near = np.flatnonzero(gap < reach * depth)
-            first = int(np.searchsorted(s, cuts[near[0]], side="right")) - 1
-            last = int(np.searchsorted(s, cuts[near[-1]], side="left"))
-            if first == last:  # nothing but one node of the seat is near: the facets on both sides of it
-                first, last = first - 1, last + 1
-            low = max(low, s[max(first, 0)])
-            high = min(high, s[min(last, len(s) - 1)])
-            kept = (cuts >= low) & (cuts <= high)
-            clearance = float(gap[~kept].min(initial=np.inf))
-            cuts = cuts[kept]
+            near = cuts[gap < reach * depth]
+            ends = np.concatenate([[-np.inf], s, [np.inf]])  # the facet on either side of a near node is near
+            before = ends[np.searchsorted(s, near[0], side="left")]
+            after = ends[np.searchsorted(s, near[-1], side="right") + 1]
+            clearance = float(gap[(cuts <= before) | (cuts >= after)].min(initial=np.inf))
+            low, high = max(low, before), min(high, after)
+            cuts = cuts[(cuts >= low) & (cuts <= high)]
     middle = 0.5 * (cuts[1:] + cuts[:-1])
     facet = np.searchsorted(s, middle, side="right") - 1
     bore_facet = np.searchsorted(b, middle, side="right") - 1

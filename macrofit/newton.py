@@ -16,6 +16,9 @@ TOLERANCE = 1e-10
 RESIDUAL = 1e-7
 """Largest violation of the traction law that is accepted, relative to the largest traction."""
 
+SHARE = 1e-9
+"""Largest change of the pressure's axial share, which loads the bodies one kappa late, relative to the traction."""
+
 CONTRACTION = 1e-2
 """Least factor between two changes that is believed; those of kappa are below."""
 
@@ -48,7 +51,8 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
     displacement, is taken from the step before. The changes of the traction then fall geometrically, and the last two
-    say what is left: change * (change / change before). A status that comes back is a cycle: from then on repeated
+    say what is left: change * (change / change before); of a body so soft that kappa follows the traction more than
+    the traction kappa, the change of kappa's load says more. A status that comes back is a cycle: from then on repeated
     ones change one moment at a time.
     """
     limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
@@ -61,9 +65,11 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         change = np.inf if before is None else float(np.abs(answer.traction - before).max(initial=0.0))
         left = change * min(max(change / last, CONTRACTION), 1.0) if 0.0 < last < np.inf else change
         error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
+        turned = np.abs(answer.kappa - kappa)
         settled = (
             asked.same(status)
-            and (left <= TOLERANCE * scale or bool((np.abs(answer.kappa - kappa) <= 1e-13).all()))
+            and (left <= TOLERANCE * scale or bool((turned <= 1e-13).all()))
+            and float((turned * np.abs(answer.traction[0])).max(initial=0.0)) <= SHARE * scale
             and error <= RESIDUAL * scale
         )
         if settled or iteration == limit:

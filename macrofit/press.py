@@ -137,10 +137,11 @@ class Press:
             else:
                 halvings, cutbacks = halvings + 1, cutbacks + 1
                 if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
+                    remedy = "contact.gamma0 nearer to 10" if self.seat.nitsche else "contact.penalty_stiffness"
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try a smaller motion.increment, "
-                        f"or contact.gamma0 nearer to 10"
+                        f"or {remedy}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:

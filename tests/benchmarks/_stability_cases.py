@@ -114,12 +114,12 @@ def moduli(axle: float = STEEL, wheel: float = STEEL) -> dict[str, object]:
 
 
 def friction() -> Iterator[Case]:
-    for order, theta, mu in product(ORDERS, (0, 1, -1), np.linspace(0.0, 0.9, 19)):
+    for order, theta, mu in product(ORDERS, (0, 1, -1), np.linspace(0.0, 0.9, 10)):
         yield Case("friction", {"mesh.order": order, "contact.theta": theta, "friction.options.coefficient": float(mu)})
 
 
 def interference() -> Iterator[Case]:
-    for order, depth, mu in product(ORDERS, np.linspace(0.0, 1.0, 21), FRICTIONS):
+    for order, depth, mu in product(ORDERS, np.linspace(0.0, 1.0, 11), FRICTIONS):
         keys = {"mesh.order": order, "wheel.bore_radius": 60.0 - float(depth), "friction.options.coefficient": mu}
         yield Case("interference", keys)
 
@@ -138,7 +138,7 @@ def penalty() -> Iterator[Case]:
 
 
 def stiffness() -> Iterator[Case]:
-    for order, formulation, decade, mu in product(ORDERS, ("nitsche", "penalty"), np.linspace(-3, 3, 13), FRICTIONS):
+    for order, formulation, decade, mu in product(ORDERS, ("nitsche", "penalty"), np.linspace(-3, 3, 9), FRICTIONS):
         keys = moduli(STEEL * min(1.0, 10**decade), STEEL * min(1.0, 10**-decade))
         yield Case(
             "stiffness",
@@ -147,7 +147,7 @@ def stiffness() -> Iterator[Case]:
 
 
 def poisson() -> Iterator[Case]:
-    ratios = (0.0, 0.1, 0.2, 0.4, 0.45, 0.49, 0.499, 0.4999)
+    ratios = (0.0, 0.2, 0.4, 0.45, 0.49, 0.499, 0.4999)
     for order, nu, which, mu in product(ORDERS, ratios, (("axle", "wheel"), ("axle",), ("wheel",)), FRICTIONS):
         keys: dict[str, object] = {f"{body}.material.poisson_ratio": nu for body in which}
         yield Case("poisson", keys | {"mesh.order": order, "friction.options.coefficient": mu})
@@ -178,7 +178,7 @@ def substeps() -> Iterator[Case]:
         {"contact.formulation": "penalty", "contact.penalty_stiffness": STEEL},
     )  # fmt: skip
     for order, variant, back in product(ORDERS, range(5), (0.005, 0.03)):
-        for mu, count in product((0.05, 0.12, 0.6), (1, 10, 60)):
+        for mu, count in product((0.05, 0.6), (1, 10, 60)):
             path = (0.0, 8.0, 17.0, 25.0, *(float(25.0 - back * k / count) for k in range(1, count + 1)))
             keys = variants[variant] | {"mesh.order": order, "friction.options.coefficient": mu}
             like = ("substeps", order, variant, back, mu)
@@ -212,7 +212,7 @@ def wander(rng: np.random.Generator, low: float, high: float, count: int = 12) -
 
 def reversals() -> Iterator[Case]:
     for order, formulation in product(ORDERS, ("nitsche", "penalty")):
-        for seed, mu in product(range(15), (0.05, 0.12, 0.6)):
+        for seed, mu in product(range(10), (0.05, 0.12, 0.6)):
             path = (0.0, *wander(np.random.default_rng([1, seed]), 3.0, 38.0))
             keys = {"mesh.order": order, "contact.formulation": formulation, "motion.displacements": path}
             yield Case("reversals", keys | {"friction.options.coefficient": mu})
@@ -220,7 +220,7 @@ def reversals() -> Iterator[Case]:
 
 def random_friction() -> Iterator[Case]:
     for order, facet in product(ORDERS, (1.0, 2.0)):
-        for seed, path in product(range(10), (0, 1)):
+        for seed, path in product(range(6), (0, 1)):
             for scatter in (Scatter(seed), Scatter(seed, (0.0, 1.2), True), Scatter(seed, (0.01, 0.9), False, True)):
                 keys: dict[str, object] = {"mesh.order": order, "mesh.seat_facet": facet}
                 keys |= {"motion.displacements": THERE_AND_BACK} if path else {}
@@ -229,12 +229,12 @@ def random_friction() -> Iterator[Case]:
 
 def lost_contact() -> Iterator[Case]:
     open_end = {"axle.tail_length": 60.0, "axle.tail_radius": 59.0}
-    for order, seed, mu in product(ORDERS, range(20), FRICTIONS):
+    for order, seed, mu in product(ORDERS, range(14), FRICTIONS):
         path = tuple(float(u) for u in np.random.default_rng([2, seed]).uniform(-12.0, 95.0, 10))
         keys = {"mesh.order": order, "motion.displacements": path, "friction.options.coefficient": mu}
         yield Case("lost contact", open_end | keys)
     for order, crown, theta in product(ORDERS, (0.0, 200.0), (0, -1, 1)):
-        for seed, mu in product(range(4), FRICTIONS):
+        for seed, mu in product(range(3), FRICTIONS):
             path = tuple(float(u) for u in np.random.default_rng([3, seed]).uniform(-0.05, 0.05, 10))
             keys = {"mesh.order": order, "wheel.crown_radius": crown, "contact.theta": theta}
             keys |= {"motion.displacements": path, "friction.options.coefficient": mu}
@@ -261,7 +261,7 @@ def units() -> Iterator[Case]:
 
 
 def numbering() -> Iterator[Case]:
-    for order, theta, seed in product(ORDERS, (0, 1), (None, *range(8))):
+    for order, theta, seed in product(ORDERS, (0, 1), (None, *range(5))):
         for mu, path in product(FRICTIONS, (None, THERE_AND_BACK)):
             keys = {"mesh.order": order, "contact.theta": theta, "friction.options.coefficient": mu}
             keys |= {} if path is None else {"motion.displacements": path}
@@ -332,6 +332,13 @@ FAMILIES: dict[str, tuple[str, Callable[[], Iterator[Case]]]] = {
     "combined": ("all of them, drawn at random", combined),
 }
 """Name, what varies, and the cases."""
+
+MENDED = {
+    "penalty": "contact that spread to the facet beyond the last near node was lost",
+    "substeps": "stick forgot its traction from one increment to the next",
+    "combined": "a single near node was an exception; Newton's method stopped on a broken law, or one kappa late",
+}
+"""What a family brought to light in the solver, and what was then mended there."""
 
 
 def cases(name: str, keep: int = 1) -> Sequence[Case]:

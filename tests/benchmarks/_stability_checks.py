@@ -30,8 +30,8 @@ BOUNDS = {
     "force": 1e-7,  # pushing force against the loads and the supports' reactions, over the largest force
     "stored": 1e-6,  # strain energy against u'Ku/2 of the bulk, over the largest; infinite below 0
     "dissipated": 1e-9,  # energy that friction gives, over what it takes in the run
-    "energy": 2e-2,  # work that went nowhere over the steps, see `energy`
-    "probe": 1e-1,  # and over one last short step, see `probe`
+    "energy": 2e-3,  # work that went nowhere over the steps, see `energy`
+    "probe": 5e-2,  # and over one last short step, see `probe`
 }
 """What is measured of a case and how large it may be.
 

@@ -30,26 +30,27 @@ def _balance(run: Run, before: View, after: View) -> tuple[float, float, float, 
     if before.moments is not None and after.moments is not None:
         grown_in_law, open_in_law = _law_energy(run, before.moments, after.moments)
         grown, open_ = grown + grown_in_law, open_ + open_in_law
-    return work, grown, other.dissipation, open_
+        work += _work_on_strain(after.moments)
+    return work, grown + _stabilised(run, after) - _stabilised(run, before), other.dissipation, open_
 
 
 def _law_energy(run: Run, before: Moments, after: Moments) -> tuple[float, float]:
     """What the law takes of the work, W lambda . change of (lambda - s)/gamma, and how far it is open [N mm].
 
     With s = T u - Q; it is what the springs of a penalty store, and with Nitsche an error of the mesh: the opening in
-    contact. theta adds the work of its terms, theta W (lambda - s) . change of s / gamma.
+    contact. theta adds the work of the loads -theta/gamma T' W tau; that of its stiffness is in `_stabilised`.
     """
     facets, theta = run.assembly.seat.line.facets, run.assembly.seat.theta if run.assembly.seat.nitsche else 0.0
     covered = after.facing.covered
     weight, gamma = (after.on_seat(np.stack([x, x]), facets) for x in (covered.weight, covered.gamma))
     gamma[gamma == 0.0] = 1.0
-    (t0, t1), (s0, s1) = (
-        [view.on_seat(getattr(view, name), facets) for view in (before, after)] for name in ("traction", "share")
+    (t0, t1), (s0, s1), (b0, b1), (q0, q1) = (
+        [view.on_seat(getattr(view, name), facets) for view in (before, after)]
+        for name in ("traction", "share", "bulk", "lean")
     )
     carries = (t0 != 0.0) & (t1 != 0.0)
-    grown = np.where(carries, 0.5 * (t0 + t1) * (t1 - s1 - t0 + s0), 0.0) + theta * 0.5 * (t0 - s0 + t1 - s1) * (
-        s1 - s0
-    )
+    grown = np.where(carries, 0.5 * (t0 + t1) * (t1 - s1 - t0 + s0), 0.0)
+    grown += theta * 0.5 * (t0 + q0 + t1 + q1) * (b1 - b0)
     slid = after.on_seat(np.abs(after.opening), facets) * np.array([[0.0], [1.0]])
     met = np.where(
         carries, 0.0, after.on_seat(np.abs(after.opening), facets) + before.on_seat(np.abs(before.opening), facets)
@@ -58,6 +59,23 @@ def _law_energy(run: Run, before: Moments, after: Moments) -> tuple[float, float
     covered_more = np.abs(weight - before.on_seat(np.stack([before.facing.covered.weight] * 2), facets))
     open_ += covered_more / gamma * np.maximum(np.abs(t0 * (t0 - s0)), np.abs(t1 * (t1 - s1)))
     return float((weight / gamma * grown).sum()), float(open_.sum())
+
+
+def _work_on_strain(moments: Moments) -> float:
+    """Work of the pressure's axial share Q on the bodies' strain over the step [N mm].
+
+    The gap follows the wheel's travel along the slope, as small displacements have it, and not how far the seat and
+    the bore are strained along it. Q, which the slope makes of the pressure, loads the bodies and so works on both;
+    the force knows of the travel alone. Of steel that is next to nothing; a soft axle that sticks follows the travel.
+    """
+    return float((moments.facing.covered.weight * moments.lean * moments.strained).sum())
+
+
+def _stabilised(run: Run, view: View) -> float:
+    """Energy of theta's stiffness -theta/gamma T' W T [N mm]: it lies on the whole seat, faced by the bore or not."""
+    stiffness = run.assembly.seat.stabilisation
+    u = view.bulk["axle"][run.assembly.bodies["axle"].trace_dofs]
+    return 0.0 if stiffness is None else 0.5 * float(u @ (stiffness @ u))
 
 
 def energy(run: Run, views: Sequence[View], longest: float) -> float:

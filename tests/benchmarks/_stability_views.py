@@ -106,9 +106,16 @@ class Moments:
     facet: IntArray  # (n,)
     used: BoolArray  # (n,) the solver looked for contact here
     traction: FloatArray  # (2, n) lambda
+    lean: FloatArray  # (2, n) Q, the axial share of the pressure
     kind: IntArray  # (n,)
     opening: FloatArray  # (2, n) of the bulk's displacements [mm]
-    share: FloatArray  # (2, n) T u - Q of the bulk's displacements; zero for penalty
+    bulk: FloatArray  # (2, n) T u of the bulk's displacements; zero for penalty
+    strained: FloatArray  # (2, n) how much the jump grew over the step by the bodies' strain alone [mm]
+
+    @property
+    def share(self) -> FloatArray:
+        """What the law leaves to the bulk, T u - Q (2, n); zero for penalty."""
+        return self.bulk - self.lean if self.facing.nitsche else self.bulk
 
     def on_seat(self, values: FloatArray, facets: int) -> FloatArray:
         """Values (2, n) on all moments of the seat (2, facets * moments), zero where nothing faces them."""
@@ -150,11 +157,11 @@ def _moments(run: Run, taken: Taken, bulk: dict[str, FloatArray]) -> Moments | N
     traction, kind, used = _spread(run, taken.step, covered)
     trace = {name: bulk[name][body.trace_dofs] for name, body in run.assembly.bodies.items()}
     own = trace["axle"].reshape(2, -1)[:, : seat.loaded].ravel()
-    share = np.zeros_like(traction)
-    if seat.nitsche:
-        total = facing.total(traction, facing.kappa(trace["wheel"]))
-        share = _bulk_traction(covered, trace["axle"]) - (total - traction)
-    return Moments(facing, covered.facet, used, traction, kind, facing.opening(own, trace["wheel"]), share)
+    lean = facing.total(traction, facing.kappa(trace["wheel"])) - traction
+    stress = _bulk_traction(covered, trace["axle"]) if seat.nitsche else np.zeros_like(traction)
+    opening = facing.opening(own, trace["wheel"])
+    strained = covered.seat_moments(own) - whole.bore_moments(trace["wheel"]) - old
+    return Moments(facing, covered.facet, used, traction, lean, kind, opening, stress, strained)
 
 
 def _spread(run: Run, step: Step, covered: CoveredSeat) -> tuple[FloatArray, IntArray, BoolArray]:

@@ -35,7 +35,7 @@ from macrofit.scene_keys import Scene
 from macrofit.solution import OPEN, SLIP, STICK
 
 from ._measure import head, lines, row
-from ._stability_cases import FAMILIES, Case, cases
+from ._stability_cases import FAMILIES, MENDED, Case, cases
 from ._stability_checks import BOUNDS, examine, wrong
 from ._stability_views import Run, press
 
@@ -205,7 +205,7 @@ def return_mapping(count: int = 10_000, seed: int = 0) -> int:
 
 COLUMNS = (
     "family", "what varies", "cases", "converged", "of these with cutbacks", "clear error", "silently wrong",
-    "law", "balance", "energy",
+    "law", "balance", "energy", "found and mended",
 )  # fmt: skip
 
 
@@ -215,7 +215,7 @@ def rows(name: str, tally: Tally) -> str:
     work = max(tally.worst.get(quantity, 0.0) for quantity in ("energy", "probe"))
     return row(
         name, FAMILIES[name][0], tally.cases, tally.converged, tally.cut, tally.errors, len(tally.failed),
-        f"{tally.worst.get('law', 0.0):.0e}", f"{balance:.0e}", f"{work:.0e}",
+        f"{tally.worst.get('law', 0.0):.0e}", f"{balance:.0e}", f"{work:.0e}", MENDED.get(name, ""),
     )  # fmt: skip
 
 

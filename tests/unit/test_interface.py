@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from small import condensed_press, small_press
 
-from macrofit.interface import pair
+from macrofit.interface import open_gap, pair
 from macrofit.moments import portions_of, quadrature
+from macrofit.press import REACH, Press
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -58,3 +59,32 @@ def test_no_overlap() -> None:
     assert pair(press.seat.line, press.bore, -10.0) is None
     assert pair(press.seat.line, press.bore, 1000.0) is None
     assert pair(press.seat.line, press.bore, -9.999) is not None
+
+
+def beyond_reach(press: Press, travel: float) -> tuple[int, int]:
+    """Number of near nodes of either line (gap below REACH depths), and of those with a facet that was left out."""
+    seat, bore = press.seat.line, press.bore
+    whole, near = pair(seat, bore, travel), pair(seat, bore, travel, REACH)
+    assert whole is not None
+    assert near is not None
+    low, high = whole.portions.start[0], whole.portions.end[-1]
+    every = np.concatenate([seat.coordinate, bore.coordinate + travel])
+    nodes = np.unique(every[(every >= low) & (every <= high)])
+    gap = open_gap(seat, bore, travel, nodes)
+    close = nodes[gap < -REACH * gap.min()]
+    first, last = near.portions.start[0], near.portions.end[-1]
+    outside = ((close <= first) & (first > low)) | ((close >= last) & (last < high))
+    left_out = gap[((nodes <= first) & (first > low)) | ((nodes >= last) & (last < high))]
+    assert near.clearance <= left_out.min(initial=np.inf)
+    return len(close), int(outside.sum())
+
+
+def test_facets_on_both_sides_of_a_near_node_are_near() -> None:
+    """Where the last near node is one of the seat, contact may spread over the facet behind it."""
+    press, _ = condensed_press(small_press())
+    assert [beyond_reach(press, travel)[1] for travel in np.arange(12.0, 60.0, 0.7)] == [0] * 69
+
+
+def test_a_single_near_node() -> None:
+    press, _ = condensed_press(small_press("mesh.bore_facet=12", "mesh.order=1", "axle.taper_blend=0"))
+    assert beyond_reach(press, 9.0) == (1, 0)

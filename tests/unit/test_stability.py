@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from benchmarks._stability_cases import BASE, THERE_AND_BACK, Case, Scatter
 from benchmarks._stability_checks import examine, wrong
-from benchmarks._stability_energy import energy
+from benchmarks._stability_energy import energy, probe
 from benchmarks._stability_views import Run, Taken, views_of
 from benchmarks.stability import Bodies, Tally, asked, judge, return_mapping, run
 
@@ -102,6 +102,28 @@ def test_work_that_goes_nowhere_is_found() -> None:
     assert energy(done, more, 0.2) > 2e-2
 
 
+SOFT_AXLE = {"axle.material.youngs_modulus": 505.5, "wheel.bore_radius": 59.056, "friction.options.coefficient": 0.033}
+ALL_OF_THE_WORK: dict[str, dict[str, object]] = {
+    "theta's energy where the bore does not face the seat": {
+        "mesh.order": 1, "mesh.seat_facet": 4.0, "mesh.bore_facet": 0.59, "wheel.bore_radius": 59.988,
+        "axle.taper_blend": 10.0, "axle.material.poisson_ratio": 0.4999, "contact.theta": -1, "contact.gamma0": 0.41,
+        "motion.displacements": (0.0, 8.717, 10.088), "friction.options.coefficient": 0.0,
+    },
+    "a soft axle that follows the wheel": SOFT_AXLE | {
+        "mesh.order": 2, "contact.formulation": "penalty", "contact.penalty_stiffness": 8.4e6,
+        "motion.displacements": (30.46, 32.72, 32.4),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ALL_OF_THE_WORK)
+def test_all_of_the_work_is_found(name: str) -> None:
+    """Of a force that is the energy's derivative hardly anything is missing, however coarse or soft."""
+    done = run(Case("planted", ALL_OF_THE_WORK[name]), Bodies())
+    assert done.error is None
+    assert probe(done) < 1e-3
+
+
 def test_answers_that_differ_from_their_reference_are_found() -> None:
     tally, bodies = Tally(), Bodies()
     for mu in (0.12, 0.12001):
@@ -109,6 +131,21 @@ def test_answers_that_differ_from_their_reference_are_found() -> None:
         judge(Case("planted", keys, like=("same",), tolerance=1e-6), bodies, tally)
     assert tally.converged == 2
     assert [why.split()[0] for _, why in tally.failed] == ["reference"]
+
+
+@pytest.mark.parametrize(
+    ("formulation", "remedy"), [("nitsche", "contact.gamma0 nearer to 10"), ("penalty", "contact.penalty_stiffness")]
+)
+def test_an_error_names_a_key_of_its_formulation(
+    formulation: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*words: object) -> newton.Report:
+        return replace(newton.newton(*words), converged=False)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("macrofit.press.newton", never)
+    keys = {"mesh.order": 1, "motion.displacements": (0.0, 20.0), "contact.formulation": formulation}
+    error = run(Case("planted", keys), Bodies()).error
+    assert str(error).endswith(f"try a smaller motion.increment, or {remedy}")
 
 
 def test_exceptions_and_unclear_errors_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
