@@ -24,9 +24,6 @@ import petsc4py.lib
 import scipy.sparse as sp
 from mpi4py import MPI
 
-petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
-from petsc4py import PETSc  # noqa: E402
-
 from .geometry import FloatArray
 from .mesh import IntArray, MeshData
 
@@ -46,11 +43,13 @@ def _own_versions_only() -> Iterator[None]:
         del sys.modules["pkg_resources"]
 
 
+petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
 with _own_versions_only():
     import basix
     import ufl
     from dolfinx import fem, mesh
     from dolfinx.fem import petsc as fem_petsc
+    from petsc4py import PETSc
 
 logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log, with their place in the code
 
