@@ -28,9 +28,9 @@ class Preset(NamedTuple):
 
 
 PRESETS = {
-    "fast": Preset(3.0, 1.0, 1.0, 8e-4, 12e-3, 0.9),
-    "balanced": Preset(1.0, 0.5, 1.0, 2e-4, 4e-3, 2.5),
-    "accurate": Preset(0.5, 0.25, 0.5, 4e-5, 5e-3, 10.0),
+    "fast": Preset(3.0, 1.0, 1.0, 8e-4, 12e-3, 0.8),
+    "balanced": Preset(1.0, 0.5, 1.0, 2e-4, 4e-3, 2.3),
+    "accurate": Preset(0.5, 0.25, 0.5, 4e-5, 5e-3, 9.3),
 }
 
 
