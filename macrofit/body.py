@@ -7,6 +7,7 @@ adjacent cells, which the traction of the bulk stress depends on.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,6 +95,8 @@ class Body:
             generatrix = None
         else:
             drawing = draw(spec, contact, Sizes.of(keys, contact))
+            facets = sum(edge.name == contact for edge in drawing.edges)
+            self._fits(facets, 2 * (keys.order * facets + 1))
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
         moduli = (self.material.lame_lambda, self.material.shear_modulus)
         self.space = discretise(data, keys.order, weak_form, moduli)
@@ -144,7 +147,7 @@ class Body:
         C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
-        Raises MeshError where S is not definite.
+        Raises MeshError where S is not definite, or larger than this machine's memory.
         """
         lines = len(self.line.nodes)
         loaded = len(self.trace) if load_trace else lines
@@ -154,6 +157,7 @@ class Body:
         c = place[:, :loaded].ravel()
         o = place[:, loaded:].ravel()
         free_c, free_o = np.flatnonzero(c >= 0), np.flatnonzero(o >= 0)
+        self._fits(self.line.facets, len(free_c) + len(free_o))
         matrix = self.stiffness[self.free][:, self.free]
         factor = self._definite(schur_complement(matrix, np.concatenate([o[free_o], c[free_c]])))
         self.factorisations += 1
@@ -170,6 +174,15 @@ class Body:
             rest[np.ix_(free_o, free_c)] = coupled
             blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
         return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations)
+
+    def _fits(self, facets: int, unknowns: int) -> None:
+        """A MeshError where the dense matrices of the contact line, four of them at once, exceed the memory."""
+        needed, there = 4 * 8 * unknowns**2, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if needed > there:
+            raise MeshError(
+                f"the {facets} facets of the {self.which}'s contact line take {needed / 2**30:.0f} GiB, and "
+                f"this machine has {there / 2**30:.0f}: lengthen mesh.seat_facet, mesh.bore_facet or mesh.corner_facet"
+            )
 
     def _definite(self, schur: FloatArray) -> FloatArray:
         """Cholesky factor L, or a MeshError: the body can move freely, or theta / gamma0 took its coercivity."""

@@ -33,9 +33,8 @@ class Sizes:
     def of(cls, keys: MeshKeys, contact: str) -> Sizes:
         """Those of the seat or the bore, by the keys of a scene."""
         bore_facet = 0.97 * keys.seat_facet if keys.bore_facet is None else keys.bore_facet
-        scale = 1.0 if contact == "seat" else bore_facet / keys.seat_facet
-        corner = keys.seat_facet if keys.corner_facet is None else keys.corner_facet
-        return cls(scale * keys.seat_facet, scale * corner, keys.growth)
+        facet, scale = (keys.seat_facet, 1.0) if contact == "seat" else (bore_facet, 0.97)
+        return cls(facet, facet if keys.corner_facet is None else min(facet, scale * keys.corner_facet), keys.growth)
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,10 @@ def check(scene: Scene) -> None:
     _check_pair(scene)
     _positive("mesh", scene.mesh, "seat_facet", "bore_facet", "corner_facet", "coarse")
     _not_negative("mesh", scene.mesh, "growth")
+    _need(
+        scene.mesh.growth > 0.0 or scene.mesh.corner_facet is None,
+        "mesh.growth: 0 would mesh the whole body as fine as mesh.corner_facet; give one above 0",
+    )
     _positive("contact", scene.contact, "gamma0", "penalty_stiffness")
     _need(scene.output.frames >= 0, f"output.frames: {scene.output.frames} must not be negative")
     for at in scene.output.fields_at or ():

@@ -16,7 +16,7 @@ import msgspec
 from . import __version__
 from .errors import MacrofitError, SceneError
 from .friction import BuildContext, registry
-from .journal import file_digests
+from .journal import VERSION, file_digests
 from .scene import Scene, load_scene
 
 MOST_RUNS = 100_000
@@ -136,8 +136,8 @@ def split_outside(text: str) -> list[str]:
 
 
 def digest(scene: Scene) -> str:
-    """SHA-256 of a scene, the content of all files it names and the version of macrofit."""
-    whole = msgspec.json.encode([__version__, scene, file_digests(scene)], order="deterministic")
+    """SHA-256 of a scene, the content of all files it names and the versions of macrofit and of its states."""
+    whole = msgspec.json.encode([__version__, VERSION, scene, file_digests(scene)], order="deterministic")
     return hashlib.sha256(whole).hexdigest()
 
 

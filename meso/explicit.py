@@ -244,7 +244,7 @@ class _Run:
         """
         target, speed, edge = self.plates.target, self.settings.engine.approach_speed, self.settings.plates.edge
         below, above = 0.0, min((approach for approach, carried, *_ in rows if carried > target), default=float("inf"))
-        for _ in range(CORRECTIONS):
+        for correction in range(CORRECTIONS + 1):
             approach, reached = rows[-1][:2]
             if abs(reached - target) <= MISSED * target:
                 return
@@ -255,6 +255,8 @@ class _Run:
                     f"load.pressure = {self.settings.load.pressure:g} MPa"
                 )
                 return
+            if correction == CORRECTIONS:
+                break
             if reached < target:
                 below, above = max(0.0, approach), above if above > approach else float("inf")
             else:

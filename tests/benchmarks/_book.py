@@ -25,6 +25,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+RECORDS = ROOT / "docs" / "benchmarks"
 PACKAGES = ("numpy", "scipy", "numba", "fenics-dolfinx", "petsc4py", "mpi4py", "gmsh", "torch")
 MARK = re.compile(r"(<!-- bench (\w+)(?: (\d+))? -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -48,10 +49,11 @@ def draws(name: str) -> bool:
 
 
 def measure(name: str, folder: Path, *, quick: bool = False) -> bool:
-    """Run one benchmark and keep what it says; False where it failed, and then nothing is kept of it."""
+    """Run one benchmark and keep what it says; False where it failed: what it said is then in NAME.failed.md alone."""
     words = [name, *(["--quick"] if quick else [])]
+    figure, failed = folder / f"{name}.draft.png", folder / f"{name}.failed.md"
     if draws(name):
-        words += ["--figure", str(folder / f"{name}.png")]
+        words += ["--figure", str(figure)]
     print(f"{name} ...", end=" ", flush=True)
     started = time.monotonic()
     done = subprocess.run(
@@ -60,8 +62,14 @@ def measure(name: str, folder: Path, *, quick: bool = False) -> bool:
     )  # fmt: skip
     taken = time.monotonic() - started
     print(f"{taken:.0f} s" if done.returncode == 0 else f"failed with {done.returncode}", flush=True)
+    failed.unlink(missing_ok=True)
     if done.returncode:
+        figure.unlink(missing_ok=True)
+        failed.write_text(done.stdout)
+        print(f"  what it said is in {failed}")
         return False
+    if figure.is_file():
+        figure.replace(folder / f"{name}.png")
     stamp = f"<!-- {commit()}, {date.today().isoformat()}, {taken:.0f} s -->\n"
     (folder / f"{name}.md").write_text(stamp + done.stdout.strip() + "\n")
     with (folder / f"{name}.csv").open("w", newline="") as file:
@@ -149,17 +157,19 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="all of them by default; none with --write")
     parser.add_argument("--quick", action="store_true", help="toy sizes, to see that they run")
     parser.add_argument("--write", action="store_true", help="measure nothing, write the book of what is there")
-    parser.add_argument("--into", type=Path, default=ROOT / "docs" / "benchmarks")
+    parser.add_argument("--into", type=Path, default=RECORDS)
     options = parser.parse_args(words)
     unknown = sorted(set(options.names) - set(names()))
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(names())}")
+    if options.quick and options.into == RECORDS:
+        parser.error("--quick: toys are no records; say where they go with --into FOLDER")
     folder: Path = options.into.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     chosen = [] if options.write else options.names or names()
     failed = [name for name in chosen if not measure(name, folder, quick=options.quick)]
     folder.with_suffix(".md").write_text(book(folder))
-    if folder == ROOT / "docs" / "benchmarks":
+    if folder == RECORDS:
         (ROOT / "README.md").write_text(renewed((ROOT / "README.md").read_text(), folder))
     print(f"{len(chosen) - len(failed)} measured, {len(failed)} failed: {' '.join(failed)}" if failed else "done")
     return int(bool(failed))

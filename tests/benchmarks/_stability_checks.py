@@ -55,7 +55,9 @@ def examine(run: Run, asked_afresh: FrictionField) -> dict[str, float]:
         found[name] = larger(found[name], value)
     losses, stored = zip(*((taken.step.dissipation, taken.step.strain_energy) for taken in run.taken), strict=True)
     found["dissipated"] = over(min(0.0, *losses), sum(map(abs, losses)) + 1e-9 * max(stored))
-    found["energy"] = energy(run, views, 0.1 * float(run.assembly.seat.line.length.min()))
+    account = energy(run, views, 0.1 * float(run.assembly.seat.line.length.min()))
+    if account is not None:
+        found["energy"] = account
     found["probe"] = probe(run)
     return found
 

@@ -78,11 +78,11 @@ def _stabilised(run: Run, view: View) -> float:
     return 0.0 if stiffness is None else 0.5 * float(u @ (stiffness @ u))
 
 
-def energy(run: Run, views: Sequence[View], longest: float) -> float:
+def energy(run: Run, views: Sequence[View], longest: float) -> float | None:
     """Work - growth of the energy - dissipation over the steps, beyond what they leave open, over the larger.
 
     Steps above ``longest`` [mm], a tenth of a facet, say little: the force rises and falls within a facet. Whatever
-    more is missing of the others has come from nowhere.
+    more is missing of the others has come from nowhere. None where no step is that short.
     """
     steps = [
         _balance(run, before, after)
@@ -90,7 +90,7 @@ def energy(run: Run, views: Sequence[View], longest: float) -> float:
         if abs(after.taken.step.state.displacement - before.taken.step.state.displacement) <= longest
     ]
     if not steps:
-        return 0.0
+        return None
     work, grown, lost, open_ = np.array(steps).T
     missing = abs(float((work - grown - lost).sum())) - float(open_.sum())
     return over(

@@ -153,7 +153,7 @@ def told(error: MacrofitError, tally: Tally) -> list[str]:
     """Enter a clear error, and say where it is none."""
     tally.errors += 1
     text = str(error)
-    tally.causes[f"{type(error).__name__}: {re.sub(r'[-+]?[0-9.]+(e[-+]?[0-9]+)?', '..', text)}"] += 1
+    tally.causes[f"{type(error).__name__}: {re.sub(r'(?<![a-z])-?[0-9]+([.][0-9]+)?(e[-+]?[0-9]+)?', '..', text)}"] += 1
     return [] if text.strip() and "\n" not in text else [f"unclear error {error!r}"]
 
 
@@ -205,17 +205,17 @@ def return_mapping(count: int = 10_000, seed: int = 0) -> int:
 
 COLUMNS = (
     "family", "what varies", "cases", "converged", "of these with cutbacks", "clear error", "silently wrong",
-    "law", "balance", "energy", "found and mended",
+    "law", "balance", "energy of short steps", "of one more step", "found and mended",
 )  # fmt: skip
 
 
 def rows(name: str, tally: Tally) -> str:
-    """The row of a family; law, balance and energy are the worst that was measured of any case."""
+    """The row of a family; law, balance and energies are the worst that was measured of any case, if any was."""
     balance = max(tally.worst.get(quantity, 0.0) for quantity in BALANCES)
-    work = max(tally.worst.get(quantity, 0.0) for quantity in ("energy", "probe"))
+    works = [f"{tally.worst[each]:.0e}" if each in tally.worst else "" for each in ("energy", "probe")]
     return row(
         name, FAMILIES[name][0], tally.cases, tally.converged, tally.cut, tally.errors, len(tally.failed),
-        f"{tally.worst.get('law', 0.0):.0e}", f"{balance:.0e}", f"{work:.0e}", MENDED.get(name, ""),
+        f"{tally.worst.get('law', 0.0):.0e}", f"{balance:.0e}", *works, MENDED.get(name, ""),
     )  # fmt: skip
 
 

@@ -208,7 +208,8 @@ def bars(found: Sequence[Measured]) -> Iterable[str]:
     """The cheapest choices within given errors."""
     for force, stress, seconds in BARS:
         for along, error in (("all along the curve", lambda e: e.curve), ("at the end", lambda e: abs(e.force))):
-            within = [e for e in found if error(e.errors) <= force and e.errors.of("von Mises") <= stress]
+            tried = [e for e in found if e.choice.series != "increment"]  # whose curve means something
+            within = [e for e in tried if error(e.errors) <= force and e.errors.of("von Mises") <= stress]
             wanted = f"{force:.0e} of the force {along}" + (f", {stress:.0%} of the stress" if stress < 1.0 else "")
             best = min(within, key=lambda e: e.cost.median, default=None)
             found_at = "nothing that was tried" if best is None else f"{best.cost.median:.2g} s ({best.choice.label})"
