@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from small import small_press
 
-from macrofit.errors import MeshError
+from macrofit.body import Body
+from macrofit.errors import MeshError, SceneError
 from macrofit.geometry import Sizes, draw
 from macrofit.mesh import MeshData, mesh_drawing, read_mesh
 from macrofit.scene import build_scene, load_scene
@@ -44,6 +45,23 @@ def test_facets_are_graded_towards_the_corners() -> None:
         assert length / wanted == pytest.approx(1.0, abs=0.08)
         assert set(line.breaks) <= set(s)
         assert max(length[1:] / length[:-1]) < 1.45
+
+
+def test_corner_facets_of_both_lines() -> None:
+    """The bore's are 0.97 of the seat's; a corner is never coarser than its line."""
+    scene = load_scene("wheelset", ["mesh.seat_facet=4", "mesh.bore_facet=0.25", "mesh.corner_facet=0.5"])
+    assert Sizes.of(scene.mesh, "seat") == Sizes(4.0, 0.5, 0.35)
+    assert Sizes.of(scene.mesh, "bore") == Sizes(0.25, 0.25, 0.35)
+    plain = load_scene("wheelset", ["mesh.seat_facet=4"])
+    assert Sizes.of(plain.mesh, "bore") == Sizes(3.88, 3.88, 0.35)
+
+
+def test_meshes_that_cannot_be_are_refused_before_they_are_made() -> None:
+    """Without growth the corners' size would be that of the whole body; too many facets exceed the memory."""
+    with pytest.raises(SceneError, match="mesh.growth"):
+        load_scene("wheelset", ["mesh.corner_facet=0.5", "mesh.growth=0"])
+    with pytest.raises(MeshError, match="lengthen mesh.seat_facet"):
+        Body(load_scene("wheelset", ["mesh.seat_facet=0.002"]), "axle")
 
 
 def test_elements_follow_the_graded_facets() -> None:
