@@ -58,9 +58,9 @@ def test_corner_facets_of_both_lines() -> None:
 
 def test_meshes_that_cannot_be_are_refused_before_they_are_made() -> None:
     """Without growth the corners' size would be that of the whole body; too many facets exceed the memory."""
-    with pytest.raises(SceneError, match="mesh.growth"):
+    with pytest.raises(SceneError, match=r"mesh\.growth"):
         load_scene("wheelset", ["mesh.corner_facet=0.5", "mesh.growth=0"])
-    with pytest.raises(MeshError, match="lengthen mesh.seat_facet"):
+    with pytest.raises(MeshError, match=r"lengthen mesh\.seat_facet"):
         Body(load_scene("wheelset", ["mesh.seat_facet=0.002"]), "axle")
 
 
