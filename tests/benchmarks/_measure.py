@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -62,6 +63,17 @@ def alone(code: str, timeout: float = 3600.0) -> list[str]:
     if done.returncode:
         raise RuntimeError(done.stderr)
     return done.stdout.split()
+
+
+def under_mpirun() -> dict[str, str]:
+    """Environment for `mpirun`: as root, on fewer cores than ranks, and without what a launcher around us has set."""
+    launcher = ("OMPI_", "ORTE_", "PMIX_", "PMI_")
+    return {name: value for name, value in os.environ.items() if not name.startswith(launcher)} | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_hwloc_base_binding_policy": "none",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    }
 
 
 def head(*columns: str) -> str:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import subprocess
 import sys
 import tempfile
@@ -28,16 +27,12 @@ from macrofit.scene import load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
 
-from ._measure import head, lines, row
+from ._measure import head, lines, row, under_mpirun
 
 MICRO = (0.01, 0.03, 0.05, 0.07, 0.09)
 NETWORK = ("friction.provider=surrogate", "friction.options.fallback=warning")
 TINY = ("mesh.seat_facet=5", "motion.travel=40", "motion.increment=5")
 BODIES = ("axle", "wheel")
-MPIRUN = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_hwloc_base_binding_policy": "none", "OMPI_MCA_rmaps_base_oversubscribe": "1",
-}  # fmt: skip
 
 
 def run(assembly: Assembly, changes: Sequence[str]) -> Solution:
@@ -58,7 +53,7 @@ def surfaces(count: int, small: Sequence[str]) -> dict[str, np.ndarray]:
         words += [word for change in small for word in ("--set", change)] + ["-o", f"{folder}/seeds"]
         subprocess.run(
             ["mpirun", "-n", "2", sys.executable, "-m", "macrofit", *words],
-            stdin=subprocess.DEVNULL, stdout=sys.stderr, check=True, env=os.environ | MPIRUN,
+            stdin=subprocess.DEVNULL, stdout=sys.stderr, check=True, env=under_mpirun(),
         )  # fmt: skip
         with (Path(folder) / "seeds" / "study.csv").open() as file:
             rows = list(csv.DictReader(file))

@@ -20,7 +20,6 @@ out: the compliance between all nodes and moments of the contact lines is dense,
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import time
@@ -32,7 +31,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ._measure import Cost, alone, draw_growth, growth, head, lines, row
+from ._measure import Cost, alone, draw_growth, growth, head, lines, row, under_mpirun
 
 ROOT = Path(__file__).parents[2]
 SMALL = ("mesh.seat_facet=5", "motion.start=15", "motion.travel=60", "motion.increment=5")
@@ -52,10 +51,6 @@ if MPI.COMM_WORLD.rank == 0:
     stress = [extreme.value for extreme in solution.max_von_mises.values()]
     np.savez(sys.argv[1], force=solution.force, stress=stress, taken=taken)
 """
-MPIRUN = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMPI_MCA_hwloc_base_binding_policy": "none",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -188,7 +183,7 @@ def on_ranks(ranks: int, folder: Path, overrides: Sequence[str]) -> dict[str, np
     out = folder / f"{ranks}.npz"
     command = ["mpirun", "-n", str(ranks), sys.executable, "-c", PROGRAM, str(out), *overrides]
     done = subprocess.run(
-        command, cwd=ROOT, env=os.environ | MPIRUN, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        command, cwd=ROOT, env=under_mpirun(), stdin=subprocess.DEVNULL, capture_output=True, text=True,
         timeout=600, check=False,
     )  # fmt: skip
     if done.returncode:
