@@ -52,6 +52,8 @@ def test_corner_facets_of_both_lines() -> None:
     scene = load_scene("wheelset", ["mesh.seat_facet=4", "mesh.bore_facet=0.25", "mesh.corner_facet=0.5"])
     assert Sizes.of(scene.mesh, "seat") == Sizes(4.0, 0.5, 0.35)
     assert Sizes.of(scene.mesh, "bore") == Sizes(0.25, 0.25, 0.35)
+    fine = load_scene("wheelset", ["mesh.corner_facet=0.5"])
+    assert Sizes.of(fine.mesh, "bore") == Sizes(0.97, 0.97 * 0.5, 0.35)
     plain = load_scene("wheelset", ["mesh.seat_facet=4"])
     assert Sizes.of(plain.mesh, "bore") == Sizes(3.88, 3.88, 0.35)
 
