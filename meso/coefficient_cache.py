@@ -7,14 +7,14 @@
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import warnings
-from importlib import metadata
 from pathlib import Path
 
 import msgspec
+
+from macrofit.base.provenance import code_hash, version
 
 from .errors import MesoError, OutputError
 from .files import replacing
@@ -112,36 +112,10 @@ def fingerprint(settings: Settings) -> str:
     return hashlib.sha256(f"{shared} {code()} {version()}".encode()).hexdigest()[:20]
 
 
-@functools.lru_cache(maxsize=1)
-def code() -> str:
-    """Hash of the calibrations, and of the sources of all modules that a coefficient goes through."""
-    files = [PACKAGE / f"{module}.py" for module in sorted(reached("provider"))]
-    whole = hashlib.sha256()
-    for file in [*files, *sorted(PACKAGE.glob("calibrations/*.toml"))]:
-        whole.update(f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
-    return whole.hexdigest()[:20]
-
-
-def reached(module: str) -> set[str]:
-    """The modules of this package that one imports directly or not, at its top or within a function, and itself."""
-    found, ahead = {module}, [module]
-    while ahead:
-        for node in ast.walk(ast.parse((PACKAGE / f"{ahead.pop()}.py").read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.level == 1:
-                named = [node.module] if node.module else [alias.name for alias in node.names]
-                new = {name for name in named if (PACKAGE / f"{name}.py").is_file()} - found
-                found |= new
-                ahead += new
-    return found
-
-
-@functools.lru_cache(maxsize=1)
-def version() -> str:
-    """The installed version of the package, or "unknown"."""
-    try:
-        return metadata.version("macrofit")
-    except metadata.PackageNotFoundError:
-        return "unknown"
+@functools.lru_cache(maxsize=2)
+def code(module: str = "meso.provider") -> str:
+    """Hash of the calibrations, and of the sources of all modules that a coefficient, or ``module``, goes through."""
+    return code_hash(PACKAGE, module)
 
 
 def _encoded(entry: Entry) -> bytes:

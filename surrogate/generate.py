@@ -11,7 +11,6 @@ on with the same call, by any number of workers.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import multiprocessing
 import os
@@ -24,7 +23,6 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import metadata
 from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
@@ -34,7 +32,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import qmc
 
-from meso.coefficient_cache import PACKAGE, reached
+from macrofit.base.provenance import version
+from meso.coefficient_cache import code
 from meso.errors import MesoError
 from meso.friction_test import run
 from meso.settings import Settings, dump
@@ -214,27 +213,14 @@ def header_of(design: Design, settings: Settings) -> Header:
     """What all samples of a design share."""
     options: dict[str, Any] = msgspec.to_builtins(design)
     options["first_point"] = msgspec.to_builtins(design.points(1)[0])  # another scipy may scramble otherwise
-    try:
-        version = metadata.version("macrofit")
-    except metadata.PackageNotFoundError:
-        version = "unknown"
     return Header(
         design=json.dumps(options),
         settings=dump(settings),
-        code=code(),
-        version=version,
+        code=code("meso.friction_test"),
+        version=version(),
         micro_frictions=design.count,
         squares=round((settings.plates.edge + settings.load.slide) / settings.plates.edge),
     )
-
-
-def code() -> str:
-    """Hash of the calibrations, and of the sources of all modules of the plates that a friction test goes through."""
-    files = [PACKAGE / f"{module}.py" for module in sorted(reached("friction_test"))]
-    whole = hashlib.sha256()
-    for file in [*files, *sorted(PACKAGE.glob("calibrations/*.toml"))]:
-        whole.update(f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
-    return whole.hexdigest()[:20]
 
 
 def simulate(task: Task) -> Result:

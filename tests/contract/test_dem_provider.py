@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 import macrofit.files
 import meso.files
+from macrofit.base.provenance import reached, source
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, FrictionField, TilePairs, build, load, names, tile_overlaps
 from macrofit.friction.conformance import check
@@ -404,30 +405,60 @@ def test_options_and_context_reach_the_key(tmp_path: Path) -> None:
     assert file_of(made(tmp_path, plates={"thickness": 0.25, "spheres": 400}), 2, 5) in files
 
 
-def test_the_code_is_part_of_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a copy of the package: what computes counts, what only shows does not."""
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the package, which the code's hash now looks at."""
     package = tmp_path / "meso"
     shutil.copytree(coefficient_cache.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    code = coefficient_cache.code.__wrapped__
-    here = code()
     monkeypatch.setattr(coefficient_cache, "PACKAGE", package)
-    assert code() == here
-    seen = {here}
-    for name in ("kernels.py", "surface.py", "explicit.py", "provider.py", "calibrations/steel.toml"):
-        with (package / name).open("a") as file:
-            file.write("\n")
-        assert code() not in seen, name
+    return package
+
+
+def test_the_code_is_part_of_the_key(copied: Path) -> None:
+    """What computes counts, in whatever folder it lies; what only shows does not."""
+    code = coefficient_cache.code.__wrapped__
+    seen = {code()}
+    assert seen == {coefficient_cache.code()}
+    run = {source(copied, name) for name in reached_names()}
+    names = {"kernels.py", "surface.py", "explicit.py", "provider.py", "steel.toml"}
+    files = [file for name in names for file in copied.rglob(name)]
+    assert {file.name for file in files} == names
+    assert {file for file in files if file.suffix == ".py"} <= run
+    for file in files:
+        with file.open("a") as text:
+            text.write("\n")
+        assert code() not in seen, file
         seen.add(code())
     before = code()
-    (package / "cli.py").write_text("")
+    (copied / "cli.py").write_text("")
     assert code() == before
 
 
+def test_one_number_in_a_kernel_of_a_subfolder_is_another_code(copied: Path) -> None:
+    """The module moves into a room of its own: the old file is a door to it."""
+    (copied / "room").mkdir()
+    (copied / "room" / "__init__.py").write_text("")
+    kernels = source(copied, next(name for name in reached_names() if name.endswith("kernels")))
+    (copied / "room" / "law.py").write_text("STIFFNESS = 2.0\n")
+    kernels.write_text("from meso.room.law import STIFFNESS\n" + kernels.read_text())
+    code = coefficient_cache.code.__wrapped__
+    before = code()
+    (copied / "room" / "law.py").write_text("STIFFNESS = 2.1\n")
+    assert code() != before
+
+
+def reached_names() -> list[str]:
+    return sorted(reached(coefficient_cache.PACKAGE, "meso.provider"))
+
+
 def test_no_module_is_left_out_of_the_key() -> None:
-    program = "import sys, meso.provider, meso.quasistatic, meso.explicit\nprint(*sys.modules)"
+    engines = [name for name in reached_names() if name.rpartition(".")[2] in ("quasistatic", "explicit")]
+    program = f"import sys, meso.provider, {', '.join(engines)}\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    loaded = {name.removeprefix("meso.") for name in done.stdout.split() if name.startswith("meso.")}
-    assert {"kernels", "explicit", "packing_kernels"} <= loaded <= coefficient_cache.reached("provider")
+    loaded = {name for name in done.stdout.split() if name.split(".")[0] == "meso"}
+    assert len(engines) == 2
+    assert loaded <= set(reached_names())
+    assert {"kernels", "explicit"} <= {name.rpartition(".")[2] for name in loaded}
 
 
 @pytest.mark.parametrize("what", ["version", "code"])
