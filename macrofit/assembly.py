@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-from .body import Body, CondensedBody, compile_form
-from .condensed import Condensed
+from .bodies.body import Body, CondensedBody, compile_form
+from .cache import cache_folder
+from .contact.condensed import Condensed
+from .contact.seat import Seat
 from .errors import SceneError
-from .files import cache_folder
 from .friction import BuildContext, FrictionField, build
-from .parallel import SharedAsk, raise_together
+from .parallel import SharedAsk, owner, raise_together
 from .press import TILE, Engine, tiles
-from .scene_keys import Scene
-from .seat import Seat
+from .scene.keys import Scene
 
 if TYPE_CHECKING:
-    from .stress import StressEvaluator
+    from .bodies.stress import StressEvaluator
 
 BODY_KEYS = ("axle", "wheel", "mesh", "contact", "solver")
 """The tables and keys of a scene that the bodies and their contact lines depend on."""
@@ -74,11 +74,6 @@ def assemble(scene: Scene, comm: MPI.Comm) -> Assembly:
     return Assembly(scene, comm, bodies, seat, axle, wheel, engine_of(scene, seat, axle, wheel, bodies))
 
 
-def owner(comm: MPI.Comm, body: str) -> int:
-    """The rank that holds a body: the axle on the first, the wheel on the second (one rank holds both)."""
-    return 0 if body == "axle" else min(1, comm.size - 1)
-
-
 def discretise_bodies(scene: Scene, comm: MPI.Comm) -> dict[str, Body]:
     """The bodies this rank holds; the monolithic solver needs both on every rank. Collective.
 
@@ -131,7 +126,7 @@ def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBod
 def engine_of(scene: Scene, seat: Seat, axle: CondensedBody, wheel: CondensedBody, bodies: dict[str, Body]) -> Engine:
     """The engine the scene names."""
     if scene.solver == "monolithic":
-        from .monolithic import Monolithic
+        from .contact.monolithic import Monolithic
 
         return Monolithic(seat, bodies["axle"], bodies["wheel"])
     return Condensed(seat, axle, wheel)

@@ -100,7 +100,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
             resolved = load_scene(scene, overrides)
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
-        from .job import carry_out
+        from .run import carry_out
 
         lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet)
         for line in [] if quiet else lines:
@@ -153,8 +153,8 @@ def study(
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
         from .parallel import raise_together
-        from .study import carry_out_study
-        from .study_plan import plan_study
+        from .study.plan import plan_study
+        from .study.run import carry_out_study
 
         with raise_together(comm):
             plan = plan_study(scene, vary, overrides, references)
@@ -193,7 +193,7 @@ def identify(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target):
-        from .identify_output import carry_out_identification
+        from .identify.output import carry_out_identification
 
         lines = carry_out_identification(
             scene, curve, comm, target, overrides=overrides, key=key, bounds=interval(bounds), quiet=quiet
@@ -288,9 +288,9 @@ def providers() -> None:
 @changes
 def check(scene: str, overrides: tuple[str, ...]) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
+    from .bodies.mesh import read_mesh
     from .friction import registry
-    from .mesh import read_mesh
-    from .report import first_touch, interference_line
+    from .results.summary import first_touch, interference_line
     from .scene import load_scene
 
     resolved = load_scene(scene, overrides)
@@ -328,6 +328,6 @@ def schema() -> None:
 )  # fmt: skip
 def plot(folders: tuple[Path, ...], target: Path) -> None:
     """Overlay the fitting curves of output folders in one figure."""
-    from .plots import compare
+    from .figures.curves import compare
 
     click.echo(compare(folders, target))

@@ -1,10 +1,10 @@
-"""The one error tree. A message says what, where, and what to try."""
+"""The error tree of the press-fit solver. A message says what, where, and what to try."""
 
 from __future__ import annotations
 
+from .base.errors import MacrofitError, OutputError
 
-class MacrofitError(Exception):
-    """Anything the user can mend: the command line prints the message on one line and exits with 2."""
+__all__ = ["ConvergenceError", "MacrofitError", "MeshError", "OutputError", "ProviderError", "SceneError"]
 
 
 class SceneError(MacrofitError):
@@ -21,7 +21,3 @@ class ProviderError(MacrofitError):
 
 class ConvergenceError(MacrofitError):
     """An increment that no cutback could solve."""
-
-
-class OutputError(MacrofitError):
-    """A result that cannot be written or read back."""

@@ -52,3 +52,8 @@ class SharedAsk:
             if len(mine):
                 answer = answered(provider, pairs.take(mine), self.name)
         return PairFriction(*np.concatenate(self.comm.allgather(np.stack(answer)), axis=1))
+
+
+def owner(comm: MPI.Comm, body: str) -> int:
+    """The rank that holds a body: the axle on the first, the wheel on the second (one rank holds both)."""
+    return 0 if body == "axle" else min(1, comm.size - 1)

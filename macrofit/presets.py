@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
-
-from .errors import SceneError
+from typing import NamedTuple
 
 
 class Preset(NamedTuple):
@@ -37,34 +34,3 @@ PRESETS = {
 def summary() -> str:
     """One line for help texts: every preset with its error and cost."""
     return "; ".join(f"{name}: {preset}" for name, preset in PRESETS.items())
-
-
-def refined(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The tables of a scene with [mesh] as a preset has it; what they say wrongly is left for the scene's checks.
-
-    Discs keep one size all along the line: their whole contact line may be an arc.
-
-    Raises SceneError where there is no such preset, or nothing it could do because the meshes come from files.
-    """
-    import msgspec  # here, because the command line wants no more than the table above for its help
-
-    from .scene_keys import MeshKeys
-
-    if name not in PRESETS:
-        raise SceneError(f"no preset '{name}'; there are {', '.join(PRESETS)}")
-    preset = PRESETS[name]
-    try:
-        keys = msgspec.convert(tables.get("mesh", {}), MeshKeys)
-    except msgspec.ValidationError:
-        return dict(tables)
-    if keys.axle is not None and keys.wheel is not None:
-        raise SceneError(f"mesh.axle, mesh.wheel: the preset '{name}' cannot refine meshes from files; leave it out")
-    sizes = {"seat_facet": preset.facet * keys.seat_facet, "growth": preset.growth * keys.growth}
-    if keys.bore_facet is not None:
-        sizes["bore_facet"] = preset.facet * keys.bore_facet
-    discs = any(isinstance(body := tables.get(b), Mapping) and body.get("shape") == "disc" for b in ("axle", "wheel"))
-    if keys.corner_facet is not None:
-        sizes["corner_facet"] = preset.corner / PRESETS["balanced"].corner * keys.corner_facet
-    elif not discs:
-        sizes["corner_facet"] = preset.corner * keys.seat_facet
-    return {**tables, "mesh": {**tables.get("mesh", {}), **sizes}}

@@ -10,17 +10,17 @@ from typing import Protocol
 
 import numpy as np
 
-from .body import ContactLine
-from .contact import Answer, Facing, Status, StatusArray
+from .base.arrays import FloatArray, IntArray
+from .bodies.body import ContactLine
+from .contact.interface import Pairing, pair
+from .contact.law import Answer, Facing, Status, StatusArray
+from .contact.newton import LinearProblem, Report, newton
+from .contact.seat import Seat
+from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
-from .geometry import FloatArray
-from .interface import Pairing, pair
-from .mesh import IntArray
-from .newton import LinearProblem, Report, newton
-from .scene_keys import Scene
-from .seat import Seat
-from .solution import OPEN, SLIP, STICK, FacetState, Increment, PairFrictionMap, Tiling
+from .scene.keys import Scene
+from .solution import FacetState, Increment, PairFrictionMap, Tiling
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""

@@ -9,13 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
+from .base.arrays import FloatArray, IntArray
 from .friction import TileOverlaps, tile_overlaps
-from .geometry import FloatArray
-from .mesh import IntArray
-from .scene_keys import Scene
-
-OPEN, STICK, SLIP = 0, 1, 2
-"""Status of a facet."""
+from .scene.keys import Scene
 
 
 @dataclass(frozen=True)

@@ -6,57 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
-from .assembly import Assembly, owner
-from .body import Body
-from .elasticity import stiffness_moduli, strain_operator, von_mises
-from .geometry import FloatArray
-from .parallel import raise_together
+from .assembly import Assembly
+from .base.arrays import FloatArray
+from .bodies.body import Body
+from .bodies.elasticity import von_mises
+from .bodies.stress import StressEvaluator
+from .parallel import owner, raise_together
 from .press import State
-from .scene_keys import Scene
+from .scene.keys import Scene
 from .solution import BodyField, Extreme
 
-_POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0  # Gauss points of degree 2
 _BATCH = 32  # right-hand sides at once
-
-
-class StressEvaluator:
-    """The stress of one body at the Gauss points of its cells (one for P1, three for P2)."""
-
-    def __init__(self, body: Body) -> None:
-        self.body = body
-        space = body.space
-        self.points = _POINTS if space.order == 2 else np.array([[1.0, 1.0]]) / 3.0
-        count, k = len(space.cells), len(self.points)
-        corners = np.repeat(space.nodes[space.cells[:, :3]], k, axis=0)
-        strain, self.places = strain_operator(space.order, corners, np.tile(self.points, (count, 1)))
-        stress = stiffness_moduli(body.material) @ strain
-        cells = np.repeat(space.cells, k, axis=0)
-        columns = np.stack([2 * cells, 2 * cells + 1], axis=2).reshape(count * k, 1, -1)
-        rows = np.arange(4)[:, None, None] * (count * k) + np.arange(count * k)[None, :, None]
-        shape = (4 * count * k, 2 * len(space.nodes))
-        data, rows, columns = np.broadcast_arrays(stress.transpose(1, 0, 2), rows, columns.transpose(1, 0, 2))
-        self._operator = sp.csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-
-    def stress(self, displacement: FloatArray) -> FloatArray:
-        """(4, points, k) [MPa] at the Gauss points, for displacements (dofs, k)."""
-        return np.asarray((self._operator @ displacement).reshape(4, -1, displacement.shape[1]))
-
-    def recover(self, stress: FloatArray) -> FloatArray:
-        """(nodes, 4): the linear stress of each cell at its nodes, averaged over the cells that share them."""
-        space, k = self.body.space, len(self.points)
-        per_cell = stress.reshape(4, len(space.cells), k)
-        if k == 3:  # linear through the Gauss points: 5/3 of the nearest, -1/3 of the others at a vertex
-            vertices = per_cell @ (2.0 * np.eye(3) - 1.0 / 3.0)
-            middles = 0.5 * (vertices[..., [1, 0, 0]] + vertices[..., [2, 2, 1]])
-            values = np.concatenate([vertices, middles], axis=2)
-        else:
-            values = np.repeat(per_cell, 3, axis=2)
-        nodes, count = space.cells.ravel(), len(space.nodes)
-        shares = np.bincount(nodes, minlength=count)
-        means = [np.bincount(nodes, component.ravel(), minlength=count) / shares for component in values]
-        return np.stack(means, axis=1)
 
 
 @dataclass(frozen=True)

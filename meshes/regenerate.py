@@ -13,8 +13,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from macrofit.geometry import draw
-from macrofit.mesh import MeshData, mesh_drawing
+from macrofit.bodies.geometry import draw
+from macrofit.bodies.mesh import MeshData, mesh_drawing
 from macrofit.scene import load_scene
 
 SIZES = ("mesh.seat_facet=5.0", "mesh.bore_facet=4.7", "mesh.coarse=40")

@@ -8,7 +8,7 @@
     print(curve.coefficient, curve.uncertainty)  # mean T / mean N [-], its standard error along the slide [-]
     print(curve.displacement, curve.normal, curve.tangential)  # mm, N, N
 
-Parts of it: `meso.surface` makes rough faces and `meso.roughness` measures them, `meso.packing` fills plates with
-spheres, `meso.calibrate` finds the beams between them. The same from a shell: `macrofit-meso --help`.
+Parts of it: `meso.surfaces` makes rough faces and measures them, `meso.packing` fills plates with spheres,
+`meso.calibrate` finds the beams between them. The same from a shell: `macrofit-meso --help`.
 Lengths are in mm, forces in N, moduli in MPa, masses in t, times in s.
 """

@@ -13,25 +13,21 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.sparse import diags
 
-from . import kernels
-from .cholmod import factor
-from .errors import OutputError, SettingsError
-from .lattice import BACK, build
-from .material import Beams, Material
-from .packing import Packing, pack
-from .surface import generator
+from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
-IntArray: TypeAlias = npt.NDArray[np.int64]
-BoolArray: TypeAlias = npt.NDArray[np.bool_]
+from . import kernels
+from .errors import OutputError, SettingsError
+from .lattice.cholmod import factor
+from .lattice.lattice import BACK, build
+from .material import Beams, Material
+from .packing.pack import Packing, pack
+from .surfaces.surface import generator
 
 STRAIN = 1e-3
 """Nominal strain of a tensile test [-]; the lattice is linear, so it is only a scale."""
@@ -202,7 +198,7 @@ def dynamic_tensile_test(
         material: its density and modulus set the time scale; steel by default.
         damping: zeta [-].
     """
-    from .explicit import critical_time_step  # which needs the beams that are found here
+    from .engines.explicit import critical_time_step  # which needs the beams that are found here
 
     material = material or Material()
     lattice = build(packing, material, beams)

@@ -115,8 +115,8 @@ def run(
         more.append(f"contact.micro_friction={list(micro_friction)}")
     resolved = _load(settings, (*overrides, *more))
     try:
-        from .job import carry_out
         from .monitor import on_screen
+        from .run import carry_out
 
         lines = carry_out(resolved, folder, on_screen(quiet=quiet), figures=not no_figures)
     except KeyboardInterrupt:
@@ -150,9 +150,9 @@ def surface(
 
     What is not given is as in a run without settings: the face is the very one of its plate.
     """
-    from .output import check_surface_file, write_surface
     from .plates import rough_face
-    from .report import roughness_line
+    from .results.folder import check_surface_file, write_surface
+    from .results.summary import roughness_line
 
     for target in targets:
         check_surface_file(target)
@@ -184,9 +184,9 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
         if target.suffix.lower() not in (".vtu", ".vtk", ".png"):
             raise OutputError(f"{target}: spheres are written as .vtu or .vtk, their picture as .png")
     resolved = _load(settings, overrides)
-    from .output import write_spheres
     from .plates import make_plates
-    from .report import packing_line, roughness_line
+    from .results.folder import write_spheres
+    from .results.summary import packing_line, roughness_line
 
     plates = make_plates(resolved)
     for body, packing in (("Wheel", plates.wheel_packing), ("Axle", plates.axle_packing)):
@@ -196,8 +196,8 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
         click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
     for target in targets:
         if target.suffix.lower() == ".png":
-            from .figure import save
-            from .plots import plates_seen
+            from .figures.plates import plates_seen
+            from .figures.style import save
 
             save(plates_seen(plates), target)
         else:
@@ -235,7 +235,7 @@ def calibrate(
     from .calibrate import sample as draw_boxes
     from .files import replacing
     from .material import Material
-    from .report import settings_of
+    from .results.summary import settings_of
 
     material = Material(youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
     started = time.perf_counter()
@@ -259,8 +259,8 @@ def calibrate(
         f" from packing to packing (standard deviations{'' if packings > 1 else '; one packing has none'})"
     )
     if not no_figures:
-        from .figure import save
-        from .plots import influence_modulus, influence_radius
+        from .figures.plates import influence_modulus, influence_radius
+        from .figures.style import save
 
         started = time.perf_counter()
         (cube,) = draw_boxes("influence", seed, spheres=min(spheres, LIGHT_CUBE), packings=1)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from macrofit.base import errors as base
 
-class MesoError(Exception):
+
+class MesoError(base.MacrofitError):
     """Anything the user can mend: the command line prints the message on one line and exits with 2."""
 
 
@@ -23,5 +25,5 @@ class StabilityError(MesoError):
     """An explicit run whose time step is above its limit, or that left the realm of finite numbers."""
 
 
-class OutputError(MesoError):
+class OutputError(MesoError, base.OutputError):
     """A result or a cache that cannot be written or read back."""

@@ -74,7 +74,7 @@ def slid(
     plates: Plates, engine: Engine, coefficients: tuple[float, ...], watch: Callable[[str], None] = lambda stage: None
 ) -> Iterator[Slide]:
     """One slide after the other; the explicit engine steps in, with a remark, where there is no equilibrium."""
-    from .quasistatic import Unsettled
+    from .engines.quasistatic import Unsettled
 
     for micro_friction in coefficients:
         watch(f"micro_friction = {micro_friction:g}")
@@ -83,7 +83,7 @@ def slid(
         except Unsettled as unsettled:
             from dataclasses import replace
 
-            from .explicit import Explicit
+            from .engines.explicit import Explicit
 
             watch(f"{unsettled}; the explicit engine takes over")
             slide = Explicit(plates).slide(micro_friction)
@@ -106,9 +106,9 @@ def prepared(plates: Plates) -> Engine:
     """The engine that the settings ask for, ready to slide."""
     name = engine_name(plates.settings)
     if name == "explicit":
-        from .explicit import Explicit
+        from .engines.explicit import Explicit
 
         return Explicit(plates)
-    from .quasistatic import QuasiStatic
+    from .engines.quasistatic import QuasiStatic
 
     return QuasiStatic(plates)

@@ -9,9 +9,9 @@ import msgspec
 from .errors import SettingsError
 
 ExternalModulus = Literal["series", "paper"]
-"""Of the bars behind a plate: see `meso.lattice.build`."""
+"""Of the bars behind a plate: see `meso.lattice.lattice.build`."""
 ExternalFace = Literal["solid", "beams"]
-"""How they resist shear: see `meso.lattice.build`."""
+"""How they resist shear: see `meso.lattice.lattice.build`."""
 
 
 class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -9,22 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from .calibrate import beams_for
-from .encounters import Encounters, Faces
 from .errors import PackingError
-from .lattice import Lattice, build, join, turned_over
+from .lattice.candidates import Encounters, Faces
+from .lattice.lattice import Lattice, build, join, turned_over
 from .material import Beams
-from .packing import Packing, morph
-from .packing_cache import flat_packing
+from .packing.cache import flat_packing
+from .packing.pack import Packing, morph
 from .settings import Settings, SurfaceKeys
-from .surface import Body, Surface, diamond_square, face_generator, self_affine
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from .surfaces.surface import Body, Surface, diamond_square, face_generator, self_affine
 
 
 def rough_face(keys: SurfaceKeys, body: Body, seed: int, size: tuple[float, float]) -> Surface:

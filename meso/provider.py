@@ -22,18 +22,19 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
+from macrofit.base.provenance import version
 from macrofit.friction import BuildContext, FloatArray, ProviderError, TilePairs
 
-from .coefficient_cache import CoefficientCache, Entry, code, version
+from .coefficient_cache import CoefficientCache, Entry, code
 from .errors import MesoError, SettingsError
 from .friction_test import prepared, slid
-from .lattice import Lattice
+from .lattice.lattice import Lattice
 from .material import Material
-from .packing import Packing
+from .packing.pack import Packing
 from .plates import beams_of, face_to_face, make_plate
 from .records import UNBALANCED, Slide
 from .settings import Settings, decode
-from .surface import Body, tile_seed
+from .surfaces.surface import Body, tile_seed
 
 HELD_SPHERES = 600_000
 """Spheres of the plates kept in memory, 0.3 kB each. An increment asks about all tiles in contact, once or twice:

@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 
+from .data.monitor import LAUNCHED
 from .errors import SurrogateError
-from .monitor import LAUNCHED
 
 USER_MISTAKE, INTERRUPTED = 2, 130
 
@@ -134,10 +134,10 @@ def generate(
     with farm(jobs) as workers:
         if workers is None:
             return
-        from .database import stock
-        from .generate import Design, plates
-        from .generate import generate as fill
-        from .monitor import on_screen
+        from .data.database import stock
+        from .data.generate import Design, plates
+        from .data.generate import generate as fill
+        from .data.monitor import on_screen
 
         design = Design(max_height=(max_height[0], max_height[-1]), hurst_exponent=(hurst[0], hurst[-1]), **options)
         settings = plates((f"plates.spheres={spheres}", *overrides))
@@ -170,11 +170,11 @@ def farm(jobs: int | None) -> Iterator[Any]:
             if executor is None:
                 yield None
             else:
-                from .generate import Ranks
+                from .data.generate import Ranks
 
                 yield Ranks(executor, size - 1)
         return
-    from .generate import Here, Pool
+    from .data.generate import Here, Pool
 
     jobs = jobs or len(os.sched_getaffinity(0))
     yield Here() if jobs == 1 else Pool(jobs)
@@ -213,11 +213,11 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
-    from .checkpoint import save
-    from .curves import write_curves
-    from .database import read
+    from .data.database import read
     from .errors import TrainingError
-    from .train import train as fit
+    from .evaluation.curves import write_curves
+    from .network.checkpoint import save
+    from .network.train import train as fit
 
     if path.suffix != ".safetensors":
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
@@ -261,9 +261,9 @@ def evaluate(database: Path | None, network: Path | None, beside: tuple[Path, ..
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
     program; without any network, the shipped one with the paper's architecture beside it.
     """
-    from .evaluate import evaluation
-    from .report import evaluation_lines
-    from .shipped import EVALUATION, NETWORK, PAPER
+    from .evaluation.report import evaluation_lines
+    from .evaluation.run import evaluation
+    from .network.shipped import EVALUATION, NETWORK, PAPER
 
     if network is None and not beside:
         beside = (PAPER,)
@@ -292,9 +292,9 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
+    from .evaluation.report import prediction_lines
+    from .network.predict import Predictor
     from .pair import predict_pair, write_pair
-    from .predict import Predictor
-    from .report import prediction_lines
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
@@ -313,8 +313,8 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="TABLE.csv", help="The table.")
 def table(database: Path, path: Path) -> None:
     """Write a database as a table of text: all but the heights, which follow from the seeds."""
-    from .database import read
-    from .table import write_table
+    from .data.database import read
+    from .data.table import write_table
 
     if path.suffix != ".csv":
         raise click.UsageError(f"--output {path}: give a name that ends in .csv")

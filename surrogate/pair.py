@@ -5,18 +5,17 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from .checkpoint import outside
-from .errors import PredictionError
-from .faces import from_file, generated
-from .predict import Predictor
-from .train import QUANTILE
+from macrofit.base.arrays import FloatArray
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from .data.faces import from_file, generated
+from .errors import PredictionError
+from .network.checkpoint import outside
+from .network.predict import Predictor
+from .network.train import QUANTILE
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def write_pair(pair: Pair, target: Path) -> None:
         PredictionError: it cannot be written.
     """
     if target.suffix == ".png":
-        from .plots import prediction
+        from .evaluation.plots import prediction
 
         prediction(pair, target)
         return

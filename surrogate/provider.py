@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 import msgspec
 import numpy as np
 
+from macrofit.base.arrays import HeightArray
 from macrofit.friction import (
     BuildContext,
     FloatArray,
@@ -37,13 +38,12 @@ from macrofit.friction import (
     load,
 )
 from meso.errors import SettingsError
-from meso.surface import LEVELS, Body, tile_seed
+from meso.surfaces.surface import LEVELS, Body, tile_seed
 
 from .errors import SurrogateError
-from .faces import HeightArray
 
 if TYPE_CHECKING:
-    from .samples import Plates
+    from .data.samples import Plates
     from .tiles import Tiles
 
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
@@ -82,7 +82,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     micro_friction: float = 0.07
     """Of sphere on sphere [-]."""
     seed: int = 1
-    """Chooses all the surfaces of both bodies, 0 to 65535; see `meso.surface.tile_seed`."""
+    """Chooses all the surfaces of both bodies, 0 to 65535; see `meso.surfaces.surface.tile_seed`."""
     surface: SurfaceOptions = SurfaceOptions()
     model: str | None = None
     """Path of a checkpoint; None: the network that comes with the package."""
@@ -131,7 +131,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
         """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
-            from .checkpoint import outside
+            from .network.checkpoint import outside
             from .tiles import predictor, shared
         except ImportError as error:
             raise ProviderError(

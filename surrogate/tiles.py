@@ -12,20 +12,18 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from meso.surface import TILES, Body, tile_seed
+from macrofit.base.arrays import BoolArray, HeightArray, IntArray
+from meso.surfaces.surface import TILES, Body, tile_seed
 
+from .data.faces import generated
 from .errors import PredictionError
-from .faces import HeightArray, generated
-from .model import CHUNK, Energy, roughness
-from .predict import Prediction, Predictor
-from .shipped import NETWORK
+from .network.model import CHUNK, Energy, roughness
+from .network.predict import Prediction, Predictor
+from .network.shipped import NETWORK
 
-IntArray: TypeAlias = npt.NDArray[np.int64]
-BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Keys: TypeAlias = tuple[tuple[str, float], ...]
 """Keys of Diamond-Square with their values."""
 
@@ -41,7 +39,7 @@ class Tiles:
 
     Args:
         predictor: the network.
-        seed: chooses all surfaces; see `meso.surface.tile_seed`.
+        seed: chooses all surfaces; see `meso.surfaces.surface.tile_seed`.
         surface: levels, max_height and hurst_exponent.
         counts: number of tiles of the seat and of the bore.
     """

@@ -5,8 +5,8 @@ from __future__ import annotations
 from mpi4py import MPI
 
 from macrofit.assembly import condense_bodies, discretise_bodies, friction_field
-from macrofit.body import Body
-from macrofit.condensed import Condensed
+from macrofit.bodies.body import Body
+from macrofit.contact.condensed import Condensed
 from macrofit.press import Press
 from macrofit.scene import Scene, build_scene, load_scene
 

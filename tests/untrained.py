@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
-from surrogate.checkpoint import EnergyOptions, Provenance, save
-from surrogate.dataset import Faces
-from surrogate.samples import Plates
+from surrogate.data.samples import Plates
+from surrogate.network.checkpoint import EnergyOptions, Provenance, save
+from surrogate.network.dataset import Faces
 
 
 def untrained(path: Path, stiffness: float = 3e4, faces: Faces = "generated") -> str:

@@ -8,14 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.errors import ProviderError
-from macrofit.friction.contract import (
-    LIMIT,
-    QUANTITIES,
-    FloatArray,
-    FrictionProvider,
-    StatesUncertainty,
-    TilePairs,
-)
+from macrofit.friction.contract import LIMIT, QUANTITIES, FloatArray, FrictionProvider, StatesUncertainty, TilePairs
 
 
 class PairFriction(NamedTuple):

@@ -6,13 +6,7 @@ import numpy as np
 
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import PairFriction, checked_answer, checked_uncertainty, declared_dependence
-from macrofit.friction.contract import (
-    QUANTITIES,
-    FrictionProvider,
-    IntArray,
-    StatesUncertainty,
-    TilePairs,
-)
+from macrofit.friction.contract import QUANTITIES, FrictionProvider, IntArray, StatesUncertainty, TilePairs
 
 BATCH_TOLERANCE = 1e-6
 """How far the make-up of a batch may move a coefficient: the rounding of a single-precision network [-]."""

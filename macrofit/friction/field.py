@@ -8,13 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import (
-    PairFriction,
-    answered,
-    checked_answer,
-    checked_uncertainty,
-    declared_dependence,
-)
+from macrofit.friction.answer import PairFriction, answered, checked_answer, checked_uncertainty, declared_dependence
 from macrofit.friction.contract import FloatArray, FrictionProvider, IntArray, TilePairs
 from macrofit.friction.tiles import TileOverlaps
 

@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from macrofit.friction import BuildContext, StatesUncertainty, TilePairs, build
 from macrofit.solution import PairFrictionMap, Solution
-from surrogate.dataset import pairs
-from surrogate.evaluate import measured, predicted
-from surrogate.predict import Predictor
-from surrogate.samples import Samples
-from surrogate.shipped import EVALUATION
-from surrogate.table import read_table
-from surrogate.train import predict
+from surrogate.data.samples import Samples
+from surrogate.data.table import read_table
+from surrogate.evaluation.run import measured, predicted
+from surrogate.network.dataset import pairs
+from surrogate.network.predict import Predictor
+from surrogate.network.shipped import EVALUATION
+from surrogate.network.train import predict
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

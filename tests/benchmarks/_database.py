@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.database import Header, Samples
-from surrogate.faces import generated
-from surrogate.foundation import Foundation
-from surrogate.journal import journal_of
+from surrogate.data.database import Header, Samples
+from surrogate.data.faces import generated
+from surrogate.data.journal import journal_of
+from surrogate.network.foundation import Foundation
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "build" / "bench" / "train.h5"

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -28,16 +28,16 @@ import numpy.typing as npt
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from meso import explicit, quasistatic
+from macrofit.base.arrays import FloatArray
+from meso.engines import explicit, quasistatic
+from meso.engines.linear import Linear
 from meso.errors import MesoError
 from meso.friction_test import prepared, slid
-from meso.lattice import Lattice
-from meso.linear import Linear
+from meso.lattice.lattice import Lattice
 from meso.plates import Plates
 from meso.records import UNBALANCED, Slide
-from meso.report import slide_numbers
+from meso.results.summary import slide_numbers
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
 ROUNDING = 1e-8
 """Of sums over thousands of numbers, solves with stiffnesses of condition 1e6 among them [-]."""
 

@@ -9,25 +9,24 @@ from typing import Any, TypeAlias
 from unittest import mock
 
 import numpy as np
-import numpy.typing as npt
 
-from meso import quasistatic
-from meso.breakage import Breaking
+from macrofit.base.arrays import FloatArray
+from meso.engines import quasistatic
+from meso.engines.explicit import Explicit, critical_time_step
+from meso.engines.fracture import Breaking
+from meso.engines.linear import Linear
+from meso.engines.quasistatic import QuasiStatic
 from meso.errors import MesoError
-from meso.explicit import Explicit, critical_time_step
-from meso.lattice import Lattice, build
-from meso.linear import Linear
+from meso.lattice.lattice import Lattice, build
 from meso.material import Material
-from meso.packing import Packing, pack
+from meso.packing.pack import Packing, pack
 from meso.plates import Plates, make_plates
-from meso.quasistatic import QuasiStatic
 from meso.records import Curve
 from meso.settings import Breakage, load
 
 from ._measure import alone
 from ._meso_checks import Verdict, held, refused, verdict
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
 Case: TypeAlias = Callable[[], Verdict]
 Rng: TypeAlias = np.random.Generator
 
@@ -184,7 +183,7 @@ def invariances(rng: Rng) -> Iterator[Case]:
 
 
 LENGTHS = ("MARGIN", "DEEPER", "CLOSE")
-"""Of `meso.quasistatic`. Where spheres left out of an increment were at its end is known to a fraction of CLOSE, so the
+"""Of `quasistatic`. Where spheres left out of an increment were at its end is known to a fraction of CLOSE, so the
 first slip of those that touch next, and the coefficient with it, depends on it a little: by 5e-5 in this family."""
 
 

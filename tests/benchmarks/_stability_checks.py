@@ -7,11 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from macrofit.contact import law
+from macrofit.base.arrays import FloatArray
+from macrofit.contact.law import law
+from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.friction import FrictionField
-from macrofit.geometry import FloatArray
 from macrofit.press import Step
-from macrofit.solution import OPEN, SLIP, STICK, Increment, force_balance
+from macrofit.solution import Increment, force_balance
 from macrofit.stress import evaluate_stresses
 
 from ._stability_energy import energy, probe

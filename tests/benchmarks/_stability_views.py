@@ -14,16 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.assembly import Assembly
-from macrofit.contact import Facing
+from macrofit.base.arrays import FloatArray, IntArray
+from macrofit.contact.interface import pair
+from macrofit.contact.law import Facing
+from macrofit.contact.seat import CoveredSeat
+from macrofit.contact.status import OPEN
 from macrofit.errors import MacrofitError
 from macrofit.friction import FrictionField
-from macrofit.geometry import FloatArray
-from macrofit.interface import pair
-from macrofit.mesh import IntArray
 from macrofit.press import REACH, Press, State, Step
-from macrofit.scene_keys import Scene
-from macrofit.seat import CoveredSeat
-from macrofit.solution import OPEN, Increment
+from macrofit.scene.keys import Scene
+from macrofit.solution import Increment
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -35,12 +35,13 @@ import torch
 from mpi4py import MPI
 
 from macrofit.assembly import Assembly, assemble
+from macrofit.base.arrays import FloatArray
 from macrofit.scene import load_scene
 from macrofit.solution import PairFrictionMap, Solution
 from macrofit.solve import solve
-from surrogate.database import read
+from surrogate.data.database import read
 
-from ._coefficient_errors import MICRO, SEED, CoefficientErrors, FloatArray, Shares, drawn, examine
+from ._coefficient_errors import MICRO, SEED, CoefficientErrors, Shares, drawn, examine
 from ._database import default_database
 from ._measure import head, row, save
 

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from meso.explicit import Explicit
+from meso.engines.explicit import Explicit
+from meso.engines.quasistatic import QuasiStatic
 from meso.plates import make_plates
-from meso.quasistatic import QuasiStatic
 from meso.records import Slide
 from meso.settings import load
 

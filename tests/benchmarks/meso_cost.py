@@ -23,14 +23,14 @@ import numpy as np
 
 from meso import kernels
 from meso.calibrate import steel
-from meso.explicit import critical_time_step
+from meso.engines.explicit import critical_time_step
 from meso.friction_test import run
-from meso.lattice import Lattice, build
+from meso.lattice.lattice import Lattice, build
 from meso.material import Material
-from meso.packing import pack
-from meso.packing_cache import flat_packing
+from meso.packing.cache import flat_packing
+from meso.packing.pack import pack
 from meso.settings import load
-from meso.surface import generator
+from meso.surfaces.surface import generator
 
 KERNEL = "from tests.benchmarks.meso_cost import kernel; print(kernel({spheres}, {steps}, 3)[0])"
 COLD = "from meso.settings import load; from meso.friction_test import run; run(load())"

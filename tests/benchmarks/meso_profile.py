@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from meso import explicit, kernels, plates
-from meso.cholmod import Factor
-from meso.explicit import Explicit
-from meso.lattice import Lattice
+from meso import kernels, plates
+from meso.engines import explicit
+from meso.engines.explicit import Explicit
+from meso.engines.quasistatic import QuasiStatic
+from meso.lattice.cholmod import Factor
+from meso.lattice.lattice import Lattice
 from meso.plates import Plates, make_plates
-from meso.quasistatic import QuasiStatic
 from meso.settings import load
 
 from ._measure import head

@@ -22,12 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
-from meso import packing_kernels, plates
-from meso.cholmod import Factor
-from meso.explicit import Explicit
-from meso.linear import Linear
+from meso import plates
+from meso.engines.explicit import Explicit
+from meso.engines.linear import Linear
+from meso.engines.quasistatic import QuasiStatic
+from meso.lattice.cholmod import Factor
+from meso.packing import kernels as packing_kernels
 from meso.plates import Plates, make_plates
-from meso.quasistatic import QuasiStatic
 from meso.settings import load
 
 from ._measure import alone, draw_growth, growth, head, peak_memory, row

@@ -26,7 +26,7 @@ from meso.errors import MesoError
 from meso.friction_test import prepared
 from meso.plates import Plates, make_plates
 from meso.settings import load
-from meso.surface import generator
+from meso.surfaces.surface import generator
 
 from . import _meso_laws as laws
 from ._measure import head, row

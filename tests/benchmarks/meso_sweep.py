@@ -17,7 +17,7 @@ import numpy as np
 from meso.errors import MesoError
 from meso.friction_test import run
 from meso.settings import load
-from meso.surface import generator
+from meso.surfaces.surface import generator
 
 
 def main(words: Sequence[str]) -> int:

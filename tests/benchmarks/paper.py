@@ -22,7 +22,7 @@ import numpy as np
 from mpi4py import MPI
 
 from macrofit.assembly import Assembly, assemble
-from macrofit.identify import fit
+from macrofit.identify.fit import fit
 from macrofit.scene import load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve

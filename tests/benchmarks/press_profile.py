@@ -20,14 +20,16 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from macrofit import assembly, body, condensed, press, stress
-from macrofit.body import Body
-from macrofit.condensed import Condensed, CondensedProblem
-from macrofit.interface import Band
+from macrofit import assembly, press, stress
+from macrofit.bodies import body
+from macrofit.bodies.body import Body
+from macrofit.bodies.stress import StressEvaluator
+from macrofit.contact import condensed
+from macrofit.contact.condensed import Condensed, CondensedProblem
+from macrofit.contact.interface import Band
 from macrofit.press import Press
 from macrofit.scene import Scene, load_scene
 from macrofit.solve import solve
-from macrofit.stress import StressEvaluator
 
 from ._measure import head, save
 from ._profile import WORD, Cost, Watch, line, medians, rates

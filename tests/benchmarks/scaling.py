@@ -110,8 +110,8 @@ def study(runs: int) -> None:
     """Print what a study of so many runs costs, and its factorisations."""
     from mpi4py import MPI
 
-    from macrofit.study import carry_out_study
-    from macrofit.study_plan import plan_study
+    from macrofit.study.plan import plan_study
+    from macrofit.study.run import carry_out_study
 
     values = ",".join(f"{0.05 + 0.1 * k / runs:.6f}" for k in range(runs))
     with TemporaryDirectory() as folder:

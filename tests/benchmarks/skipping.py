@@ -41,7 +41,7 @@ QUICK = {
 }
 PACKAGES = (
     "gmsh", "meshio", "rich", "h5py", "matplotlib", "numba", "torch", "safetensors", "pandas", "meso", "surrogate",
-    "macrofit.monolithic", "macrofit.study", "macrofit.identify", "macrofit.friction.table",
+    "macrofit.contact.monolithic", "macrofit.study.run", "macrofit.identify.fit", "macrofit.friction.table",
 )  # fmt: skip
 RULES = {
     "meshes": "one per drawn body",
@@ -65,8 +65,10 @@ RULES = {
 
 def probe(folder: Path, scene: str, *overrides: str) -> dict[str, Any]:
     """Run a scene in this process as the command does; what was counted, imported and written, and what was met."""
-    from macrofit import body, condensed, stress
+    from macrofit import stress
+    from macrofit.bodies import body
     from macrofit.cli import main as macrofit
+    from macrofit.contact import condensed
 
     counted: Counter[str] = Counter()
 

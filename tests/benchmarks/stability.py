@@ -26,13 +26,13 @@ import numpy as np
 from mpi4py import MPI
 
 from macrofit.assembly import Assembly, assemble, discretise_bodies, friction_field
-from macrofit.contact import classify, law
+from macrofit.bodies.geometry import Drawing
+from macrofit.bodies.mesh import MeshData, mesh_drawing
+from macrofit.contact.law import classify, law
+from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.errors import MacrofitError
 from macrofit.friction import FrictionField
-from macrofit.geometry import Drawing
-from macrofit.mesh import MeshData, mesh_drawing
-from macrofit.scene_keys import Scene
-from macrofit.solution import OPEN, SLIP, STICK
+from macrofit.scene.keys import Scene
 
 from ._measure import head, lines, row
 from ._stability_cases import FAMILIES, MENDED, Case, cases
@@ -94,9 +94,9 @@ def meshes_of(case: Case) -> Iterator[None]:
         return in_mm.setdefault(drawing.contact, mesh_drawing(drawing, coarse, growth))
 
     if case.units[0] != 1.0:
-        with patch("macrofit.body.mesh_drawing", keep):
+        with patch("macrofit.bodies.body.mesh_drawing", keep):
             discretise_bodies(replace(case, units=(1.0, 1.0)).scene, MPI.COMM_SELF)
-    with patch("macrofit.body.mesh_drawing", mesh):
+    with patch("macrofit.bodies.body.mesh_drawing", mesh):
         yield
 
 

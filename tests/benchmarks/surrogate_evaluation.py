@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from surrogate.evaluate import evaluation
-from surrogate.shipped import ENVELOPE, EVALUATION, NETWORK, PAPER
+from surrogate.evaluation.run import evaluation
+from surrogate.network.shipped import ENVELOPE, EVALUATION, NETWORK, PAPER
 
 from ._database import evaluation_database
 from ._measure import head, row

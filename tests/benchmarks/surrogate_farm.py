@@ -20,7 +20,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from surrogate.database import read
+from surrogate.data.database import read
 
 ROOT = Path(__file__).parents[2]
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.database import Samples, read
-from surrogate.dataset import folds, pairs
-from surrogate.evaluate import take
-from surrogate.train import Scores, score, train
+from surrogate.data.database import Samples, read
+from surrogate.evaluation.run import take
+from surrogate.network.dataset import folds, pairs
+from surrogate.network.train import Scores, score, train
 
 from ._database import default_database, made_up
 
@@ -78,7 +78,7 @@ def main(words: Sequence[str]) -> int:
 
 def draw(curves: dict[str, list[tuple[int, float, float]]], target: Path) -> None:
     """Error over the number of pairs."""
-    from surrogate.plots import BLUE, GREEN, ORANGE, save, sheet
+    from surrogate.evaluation.plots import BLUE, GREEN, ORANGE, save, sheet
 
     figure, axes = sheet(6.0, 3.8)
     for (name, rows), colour in zip(curves.items(), (BLUE, GREEN, ORANGE), strict=False):

@@ -23,11 +23,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from surrogate.database import Samples, content_hash, open_database, read
-from surrogate.evaluate import take
-from surrogate.faces import generated
-from surrogate.generate import Design, Here, generate, plates
-from surrogate.predict import Predictor
+from surrogate.data.database import Samples, content_hash, open_database, read
+from surrogate.data.faces import generated
+from surrogate.data.generate import Design, Here, generate, plates
+from surrogate.evaluation.run import take
+from surrogate.network.predict import Predictor
 
 from ._database import TOY, made_up
 from ._measure import alone, cpu, growth, head, row, save
@@ -46,9 +46,9 @@ TRAINING = """
 import time, torch
 from pathlib import Path
 import numpy as np
-from surrogate.database import read
-from surrogate.evaluate import take
-from surrogate.train import train
+from surrogate.data.database import read
+from surrogate.evaluation.run import take
+from surrogate.network.train import train
 torch.set_num_threads(1)
 
 def cpu(samples, epochs):

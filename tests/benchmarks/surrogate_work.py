@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.database import Samples, read
-from surrogate.dataset import folds, pairs
-from surrogate.evaluate import take
-from surrogate.faces import generated
-from surrogate.model import Energy
-from surrogate.train import Trained, score, train
+from surrogate.data.database import Samples, read
+from surrogate.data.faces import generated
+from surrogate.evaluation.run import take
+from surrogate.network.dataset import folds, pairs
+from surrogate.network.model import Energy
+from surrogate.network.train import Trained, score, train
 
 from ._database import default_database, made_up
 from ._measure import Cost, cpu, frontier, head, row, save

@@ -28,10 +28,10 @@ from pathlib import Path
 
 import numpy as np
 
-from macrofit.geometry import FloatArray
+from macrofit.base.arrays import FloatArray
 from macrofit.presets import PRESETS
 from macrofit.scene import load_scene
-from macrofit.scene_keys import MeshKeys
+from macrofit.scene.keys import MeshKeys
 from macrofit.solution import Solution
 from macrofit.solve import solve
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-import macrofit.files
+import macrofit.base.files
 import meso.files
 from macrofit.base.provenance import reached, source
 from macrofit.errors import ProviderError
@@ -30,15 +30,15 @@ from macrofit.scene import Scene, build_scene
 from macrofit.solve import solve
 from meso import coefficient_cache, friction_test
 from meso.coefficient_cache import fingerprint
+from meso.engines.quasistatic import Unsettled
 from meso.errors import SettingsError
-from meso.lattice import Lattice
-from meso.packing import Packing
+from meso.lattice.lattice import Lattice
+from meso.packing.pack import Packing
 from meso.plates import Plates, make_plate
 from meso.provider import DirectDem, TileFriction
-from meso.quasistatic import Unsettled
 from meso.records import Slide
 from meso.settings import Settings, decode
-from meso.surface import Body, tile_seed
+from meso.surfaces.surface import Body, tile_seed
 
 SMALL: dict[str, Any] = {
     "micro_friction": 0.2,
@@ -482,7 +482,7 @@ def test_solver_and_plates_agree_on_the_folder(
             monkeypatch.delenv(name, raising=False)
         else:
             monkeypatch.setenv(name, value)
-    assert macrofit.files.cache_folder() == str(meso.files.cache_folder()) == folder
+    assert macrofit.base.files.cache_folder() == str(meso.files.cache_folder()) == folder
 
 
 # Pairs that fail

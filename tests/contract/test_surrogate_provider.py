@@ -32,9 +32,9 @@ from macrofit.solve import solve
 from meso.plates import make_plate, rough_face
 from meso.provider import DirectDem, TileFriction
 from meso.settings import SurfaceKeys
-from surrogate.faces import generated
-from surrogate.faces import heights as sampled
-from surrogate.predict import Predictor
+from surrogate.data.faces import generated
+from surrogate.data.faces import heights as sampled
+from surrogate.network.predict import Predictor
 from surrogate.provider import Surrogate, TileNetwork
 
 SMALL_PLATES: dict[str, Any] = {"plates": {"spheres": 400}, "engine": {"increment": 0.05}}

@@ -12,7 +12,7 @@ from small import small_press
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, FloatArray, FrictionProvider, TilePairs, build, load
 from macrofit.friction.conformance import check
-from macrofit.journal import Journal
+from macrofit.results.journal import Journal
 from macrofit.scene import Scene, dump_scene, load_scene
 from macrofit.solve import solve
 

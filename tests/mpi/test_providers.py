@@ -14,11 +14,11 @@ from mpi4py import MPI
 from small import small_press
 from untrained import untrained
 
+from macrofit.base.arrays import FloatArray
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, TilePairs, build
-from macrofit.geometry import FloatArray
-from macrofit.output import read_curve
 from macrofit.parallel import SharedAsk
+from macrofit.results.folder import read_curve
 from macrofit.scene import load_scene
 from macrofit.solution import Increment
 from macrofit.solve import solve

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from small import small_press
 
 from macrofit.scene import dump_scene
-from macrofit.study_deal import deal
+from macrofit.study.scheduler import deal
 
 WORLD = MPI.COMM_WORLD
 PROGRAM = Path(rippled.__file__)

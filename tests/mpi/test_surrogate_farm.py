@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import LAUNCHER_VARIABLES, Mpirun
 
-from surrogate.database import read
+from surrogate.data.database import read
 
 PAIRS = 6
 ROOT = Path(__file__).parents[2]

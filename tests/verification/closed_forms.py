@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from macrofit.material import Material
 from macrofit.scene import Disc, Hub, Shaft
+from macrofit.scene.material import Material
 
 FloatArray = npt.NDArray[np.float64]
 

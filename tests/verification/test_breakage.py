@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from found import Found
 from scipy.sparse.linalg import spsolve
 
+from macrofit.base.arrays import FloatArray, IntArray
 from meso import kernels
-from meso.breakage import SHEAR, TENSION, Account, Breaking
-from meso.encounters import Encounters, Faces
-from meso.explicit import critical_time_step
-from meso.lattice import Lattice, build, join, turned_over
+from meso.engines.explicit import critical_time_step
+from meso.engines.fracture import SHEAR, TENSION, Account, Breaking
+from meso.engines.tension import Pulled, ends, first_break, pull, without
+from meso.lattice.candidates import Encounters, Faces
+from meso.lattice.lattice import Lattice, build, join, turned_over
 from meso.material import Beams, Material
-from meso.packing import pack
+from meso.packing.pack import pack
 from meso.settings import Breakage
-from meso.tension import Pulled, ends, first_break, pull, without
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
-IntArray: TypeAlias = npt.NDArray[np.int64]
 
 BEAMS = Beams(youngs_modulus=5e6, radius_ratio=0.33)  # about steel
 CONTACT = 210e3  # MPa

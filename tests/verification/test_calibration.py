@@ -23,8 +23,8 @@ from meso.calibrate import (
 )
 from meso.errors import OutputError, SettingsError
 from meso.material import Beams, Material
-from meso.packing import Packing
-from meso.surface import Surface
+from meso.packing.pack import Packing
+from meso.surfaces.surface import Surface
 
 BEAMS = Beams(youngs_modulus=5e6, radius_ratio=0.33)
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from macrofit.base.arrays import FloatArray
 from meso import kernels
-from meso.breakage import Breaking
-from meso.explicit import critical_time_step
-from meso.lattice import Lattice, build
+from meso.engines.explicit import critical_time_step
+from meso.engines.fracture import Breaking
+from meso.lattice.lattice import Lattice, build
 from meso.material import Beams, Material
-from meso.packing import pack
+from meso.packing.pack import pack
 from meso.settings import Breakage
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 LENGTH, AXIAL, BENDING, TWIST = 0.06, 3.0e4, 2.0, -0.3 / 1.3  # mm, N/mm, N mm, -
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0

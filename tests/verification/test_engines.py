@@ -10,9 +10,9 @@ import pytest
 from found import Found
 from small import condensed_press, small_press
 
-from macrofit import newton
-from macrofit.geometry import Drawing
-from macrofit.mesh import MeshData, mesh_drawing
+from macrofit.bodies.geometry import Drawing
+from macrofit.bodies.mesh import MeshData, mesh_drawing
+from macrofit.contact import newton
 from macrofit.scene import build_scene
 from macrofit.solve import solve
 
@@ -104,9 +104,9 @@ def test_units(monkeypatch: pytest.MonkeyPatch) -> None:
         tables["mesh"][key] *= 1e-3
     for key in ("start", "travel", "increment"):
         tables["motion"][key] *= 1e-3
-    monkeypatch.setattr("macrofit.body.mesh_drawing", in_millimetres)
+    monkeypatch.setattr("macrofit.bodies.body.mesh_drawing", in_millimetres)
     millimetres = solve(scene)
-    monkeypatch.setattr("macrofit.body.mesh_drawing", in_metres)
+    monkeypatch.setattr("macrofit.bodies.body.mesh_drawing", in_metres)
     metres = solve(build_scene(tables))
     assert metres.force == pytest.approx(millimetres.force, rel=1e-11)
 

@@ -10,20 +10,17 @@ the centres would be lost and the plate 4 % too stiff.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from found import Found
 
 from meso.calibrate import sample, steel
-from meso.cholmod import factor
-from meso.lattice import BACK, Lattice, build
+from meso.lattice.cholmod import factor
+from meso.lattice.lattice import BACK, Lattice, build
 from meso.material import ExternalFace, ExternalModulus, Material
-from meso.packing import Packing
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from meso.packing.pack import Packing
 
 MATERIAL = Material()
 SHEAR_MODULUS = MATERIAL.youngs_modulus / (2.0 * (1.0 + MATERIAL.poisson_ratio))

@@ -12,10 +12,11 @@ import pytest
 from mpi4py import MPI
 from small import plain_shaft, small_press
 
+from macrofit.contact.status import SLIP
+from macrofit.figures.friction import facet_uncertainty
 from macrofit.friction import FloatArray, TilePairs
-from macrofit.friction_plot import facet_uncertainty
 from macrofit.scene import Scene
-from macrofit.solution import SLIP, Solution
+from macrofit.solution import Solution
 from macrofit.solve import solve
 
 MU = 0.11

@@ -9,12 +9,12 @@ import pytest
 from found import Found
 
 from meso import kernels
-from meso.encounters import Faces
+from meso.engines.explicit import Explicit, critical_time_step
+from meso.engines.quasistatic import QuasiStatic
 from meso.errors import StabilityError
-from meso.explicit import Explicit, critical_time_step
 from meso.friction_test import engine_name, run
+from meso.lattice.candidates import Faces
 from meso.plates import Plates, make_plates
-from meso.quasistatic import QuasiStatic
 from meso.records import Curve, block_error
 from meso.settings import load
 
@@ -242,7 +242,7 @@ def test_constant_force_at_a_small_load_stays_near_the_equilibrium() -> None:
 def test_packing_out_of_its_box_is_made_again(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     from pathlib import Path
 
-    from meso.packing_cache import flat_packing
+    from meso.packing.cache import flat_packing
 
     monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path))
     flat_packing.cache_clear()

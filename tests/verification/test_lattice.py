@@ -7,21 +7,18 @@ largest. A central difference of a quadratic energy is exact; at a step of 1e-3 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from found import Found
 from scipy.linalg import eigh
 
+from macrofit.base.arrays import FloatArray
 from meso import kernels
-from meso.lattice import Lattice, build, join, turned_over
+from meso.lattice.lattice import Lattice, build, join, turned_over
 from meso.material import Beams, ExternalFace, Material
-from meso.packing import Packing, pack
-from meso.surface import Surface, generator
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from meso.packing.pack import Packing, pack
+from meso.surfaces.surface import Surface, generator
 
 BEAMS = Beams(youngs_modulus=5e6, radius_ratio=0.33)
 STEEL = Material()

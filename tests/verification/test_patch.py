@@ -13,13 +13,12 @@ import pytest
 import scipy.sparse.linalg as spla
 from found import Found
 
-from macrofit.body import Body
-from macrofit.geometry import FloatArray
-from macrofit.interface import pair
-from macrofit.material import Material
-from macrofit.mesh import IntArray
+from macrofit.base.arrays import FloatArray, IntArray
+from macrofit.bodies.body import Body
+from macrofit.contact.interface import pair
+from macrofit.contact.seat import Seat
 from macrofit.scene import Disc, Scene, load_scene
-from macrofit.seat import Seat
+from macrofit.scene.material import Material
 from macrofit.solve import solve
 
 VARIANTS = [("nitsche", -1), ("nitsche", 0), ("nitsche", 1), ("penalty", 0)]

@@ -11,8 +11,9 @@ import pytest
 from found import Found
 from verification.friction_closed_forms import FrictionBar, sleeve_pressure
 
+from macrofit.contact.status import SLIP, STICK
 from macrofit.scene import Hub, Shaft, load_scene
-from macrofit.solution import SLIP, STICK, Increment, Solution
+from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
 
 LOADED = slice(1, None)  # the first increment is the shrink fit

@@ -9,8 +9,8 @@ import pytest
 from small import condensed_press, small_press
 
 from macrofit import press as press_module
+from macrofit.contact.newton import Report, newton
 from macrofit.errors import ConvergenceError
-from macrofit.newton import Report, newton
 from macrofit.press import State
 from macrofit.solution import Increment
 from macrofit.solve import solve

@@ -9,8 +9,9 @@ from scipy.integrate import simpson
 from small import small_press
 from verification.test_push_out import bar_of
 
+from macrofit.contact.status import SLIP, STICK
 from macrofit.scene import load_scene
-from macrofit.solution import SLIP, STICK, Solution
+from macrofit.solution import Solution
 from macrofit.solve import solve
 
 NO_FIELDS = ("output.stress=false", "output.fields_at=[]")

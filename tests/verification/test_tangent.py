@@ -9,13 +9,13 @@ from mpi4py import MPI
 from small import small_press
 
 from macrofit.assembly import condense_bodies, discretise_bodies
-from macrofit.condensed import Condensed
-from macrofit.contact import Facing, Status, classify, law
-from macrofit.geometry import FloatArray
-from macrofit.interface import pair
-from macrofit.monolithic import Monolithic, MonolithicProblem
-from macrofit.seat import Seat
-from macrofit.solution import OPEN, SLIP, STICK
+from macrofit.base.arrays import FloatArray
+from macrofit.contact.condensed import Condensed
+from macrofit.contact.interface import pair
+from macrofit.contact.law import Facing, Status, classify, law
+from macrofit.contact.monolithic import Monolithic, MonolithicProblem
+from macrofit.contact.seat import Seat
+from macrofit.contact.status import OPEN, SLIP, STICK
 
 MU = 0.11
 

@@ -7,13 +7,13 @@ import pytest
 from found import Found
 from scipy.optimize import root
 
-from meso.explicit import Explicit
-from meso.lattice import Lattice
-from meso.packing import Packing
+from meso.engines.explicit import Explicit
+from meso.engines.quasistatic import QuasiStatic
+from meso.lattice.lattice import Lattice
+from meso.packing.pack import Packing
 from meso.plates import Plates
-from meso.quasistatic import QuasiStatic
 from meso.settings import Settings, load
-from meso.surface import Surface
+from meso.surfaces.surface import Surface
 
 R, ALONG, ACROSS = 0.05, 20e3, 30e3  # mm, N/mm, N/mm
 MIDDLE, DEPTH = 0.5, 0.004  # the spheres stand above each other at this slide, overlapping by this [mm]

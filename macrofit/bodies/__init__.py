@@ -1,0 +1,1 @@
+"""The two elastic bodies: shape, mesh, elements, stiffness, stress."""

@@ -1,0 +1,283 @@
+"""A body: its elements, its supports, and its compliance condensed on the contact line.
+
+Vectors on trace nodes are component-major: the r components of all nodes, then the z components. The trace nodes
+are those of the contact line, in ascending coordinate, followed (on the seat, for Nitsche) by the other nodes of the
+adjacent cells, which the traction of the bulk stress depends on.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+
+from ..base.arrays import FloatArray, IntArray
+from ..errors import MeshError
+from ..scene.keys import Drawn, Scene
+from ..scene.material import Material
+from .elasticity import weak_form
+from .fenics import Discretisation, Factor, discretise, schur_complement
+from .geometry import Generatrix, Sizes, draw, polyline
+from .mesh import MeshData, mesh_drawing, read_mesh
+
+SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
+
+
+@dataclass(frozen=True)
+class ContactLine:
+    """A contact line of f facets and what its interface operators need of the bulk behind it."""
+
+    order: int
+    radial: bool  # True: the gap is radial, the coordinate is z; False: axial, r
+    generatrix: Generatrix
+    nodes: FloatArray  # (f order + 1, 2) points (r, z) [mm]
+    normals: FloatArray  # (f, 2) outward unit normal (n_r, n_z)
+    corners: FloatArray  # (f, 3, 2) vertices of the adjacent cell [mm]
+    ends: IntArray  # (f, 2) local vertices of that cell where the facet starts and ends
+    cells: IntArray  # (f, b) trace nodes of the adjacent cell
+    trace_nodes: int
+    material: Material
+
+    @property
+    def facets(self) -> int:
+        """Number of facets f."""
+        return len(self.normals)
+
+    @property
+    def coordinate(self) -> FloatArray:
+        """(f + 1,) coordinates of the facet ends [mm]."""
+        return self.nodes[:: self.order, 1 if self.radial else 0]
+
+    @property
+    def height(self) -> FloatArray:
+        """(f + 1,) heights of the facet ends [mm]."""
+        return self.nodes[:: self.order, 0 if self.radial else 1]
+
+    @property
+    def radius(self) -> FloatArray:
+        """(f + 1,) distances of the facet ends from the axis [mm]."""
+        return self.nodes[:: self.order, 0]
+
+    @property
+    def length(self) -> FloatArray:
+        """(f,) lengths of the facets [mm]."""
+        ends = self.nodes[:: self.order]
+        return np.asarray(np.hypot(*(ends[1:] - ends[:-1]).T))
+
+
+@dataclass(frozen=True)
+class CondensedBody:
+    """What the interface problem knows of a body: u = compliance @ load on its trace nodes."""
+
+    line: ContactLine
+    compliance: FloatArray  # (2 trace nodes, 2 loaded nodes) [mm/N]
+    dofs: int
+    factorisations: int
+
+
+class Body:
+    """One elastic body on this rank."""
+
+    def __init__(self, scene: Scene, which: str) -> None:
+        """Mesh, assemble and support the ``which`` ("axle" or "wheel") of a scene.
+
+        Raises MeshError where a file has no usable contact line.
+        """
+        self.which = which
+        contact = "seat" if which == "axle" else "bore"
+        spec = scene.axle if which == "axle" else scene.wheel
+        self.material = spec.material
+        keys = scene.mesh
+        if isinstance(spec, Drawn):
+            data = read_mesh(str(getattr(keys, which)), which)
+            generatrix = None
+        else:
+            drawing = draw(spec, contact, Sizes.of(keys, contact))
+            facets = sum(edge.name == contact for edge in drawing.edges)
+            self._fits(facets, 2 * (keys.order * facets + 1))
+            data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
+        moduli = (self.material.lame_lambda, self.material.shear_modulus)
+        self.space = discretise(data, keys.order, weak_form, moduli)
+        self.line, self.trace = _contact_line(
+            self.space,
+            contact,
+            which,
+            generatrix,
+            self.material,
+            radial=scene.direction == "radial",
+            with_cells=which == "axle" and scene.contact.formulation == "nitsche",
+        )
+        supported = np.zeros(len(self.space.nodes) * 2, dtype=bool)
+        for name, component in SUPPORTS:
+            if name in self.space.edges:
+                supported[2 * self.space.edge_nodes(name).ravel() + component] = True
+        self.free = np.flatnonzero(~supported)
+        self.stabilisation: sp.csr_matrix | None = None
+        self.factorisations = 0
+        self.back_substitutions = 0
+        self._factor: Factor | None = None
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of the body, supports included."""
+        return 2 * len(self.space.nodes)
+
+    @property
+    def trace_dofs(self) -> IntArray:
+        """Degrees of freedom of the trace nodes, component-major."""
+        return np.concatenate([2 * self.trace, 2 * self.trace + 1])
+
+    @property
+    def stiffness(self) -> sp.csr_matrix:
+        """K, with the stabilisation of the contact formulation where there is one."""
+        if self.stabilisation is None:
+            return self.space.stiffness
+        dofs = self.trace_dofs
+        entries = self.stabilisation.tocoo()
+        shape = self.space.stiffness.shape
+        extra = sp.csr_matrix((entries.data, (dofs[entries.row], dofs[entries.col])), shape=shape)
+        return (self.space.stiffness + extra).tocsr()
+
+    def condense(self, *, load_trace: bool) -> CondensedBody:
+        """Eliminate the bulk: one factorisation, no right-hand side.
+
+        The Schur complement on the trace, S = L L', has the rest o of its nodes before the loaded ones c:
+        C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
+        With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
+
+        Raises MeshError where S is not definite, or larger than this machine's memory.
+        """
+        lines = len(self.line.nodes)
+        loaded = len(self.trace) if load_trace else lines
+        position = np.full(self.dofs, -1, dtype=np.int64)
+        position[self.free] = np.arange(len(self.free))
+        place = position[self.trace_dofs].reshape(2, -1)
+        c = place[:, :loaded].ravel()
+        o = place[:, loaded:].ravel()
+        free_c, free_o = np.flatnonzero(c >= 0), np.flatnonzero(o >= 0)
+        self._fits(self.line.facets, len(free_c) + len(free_o))
+        matrix = self.stiffness[self.free][:, self.free]
+        factor = self._definite(schur_complement(matrix, np.concatenate([o[free_o], c[free_c]])))
+        self.factorisations += 1
+        n = len(free_o)
+        inverse, _ = sla.lapack.dpotri(factor[n:, n:], lower=1)
+        inverse = np.tril(inverse) + np.tril(inverse, -1).T
+        blocks = np.zeros((2, len(self.trace), 2 * loaded))
+        full = np.zeros((2 * loaded, 2 * loaded))
+        full[np.ix_(free_c, free_c)] = inverse
+        blocks[:, :loaded] = full.reshape(2, loaded, -1)
+        if n:
+            rest = np.zeros((2 * (len(self.trace) - loaded), 2 * loaded))
+            coupled = sla.blas.dtrsm(-1.0, factor[:n, :n], factor[n:, :n].T @ inverse, lower=1, trans_a=1)
+            rest[np.ix_(free_o, free_c)] = coupled
+            blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
+        return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations)
+
+    def _fits(self, facets: int, unknowns: int) -> None:
+        """A MeshError where the dense matrices of the contact line, four of them at once, exceed the memory."""
+        needed, there = 4 * 8 * unknowns**2, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if needed > there:
+            raise MeshError(
+                f"the {facets} facets of the {self.which}'s contact line take {needed / 2**30:.0f} GiB, and "
+                f"this machine has {there / 2**30:.0f}: lengthen mesh.seat_facet, mesh.bore_facet or mesh.corner_facet"
+            )
+
+    def _definite(self, schur: FloatArray) -> FloatArray:
+        """Cholesky factor L, or a MeshError: the body can move freely, or theta / gamma0 took its coercivity."""
+        factor, info = sla.lapack.dpotrf(schur.T, lower=1, clean=1, overwrite_a=1)  # symmetric, and so not copied
+        if info != 0:
+            raise MeshError(
+                f"the stiffness of the {self.which} is not positive definite: check its supports, "
+                f"or raise contact.gamma0 (theta = 1 needs 15 to 30 with order 2, 5 to 10 with order 1)"
+            )
+        return np.asarray(factor)
+
+    def back_substitute(self, loads: FloatArray) -> FloatArray:
+        """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
+        if self._factor is None:
+            self._factor = Factor(self.stiffness[self.free][:, self.free], symmetric=True)
+            self.factorisations += 1
+        loaded = loads.shape[0] // 2
+        dofs = self.trace_dofs.reshape(2, -1)[:, :loaded].ravel()
+        rhs = np.zeros((self.dofs, loads.shape[1]))
+        rhs[dofs] = loads
+        out = np.zeros_like(rhs)
+        out[self.free] = self._factor.solve(rhs[self.free])
+        self.back_substitutions += loads.shape[1]
+        return out
+
+    def reaction(self, displacement: FloatArray, loads: FloatArray) -> FloatArray:
+        """Axial force [N] of the support ("held" or "pushed") on the body, (k,).
+
+        displacement (dofs, k) under the loads (2 loaded nodes, k) on the trace; what is loaded on the support's own
+        nodes (a corner shared with the contact line) goes straight into it.
+        """
+        nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
+        axial = loads[len(loads) // 2 :]
+        direct = axial[np.isin(self.trace[: len(axial)], nodes)].sum(axis=0)
+        return np.asarray((self.stiffness[2 * nodes + 1] @ displacement).sum(axis=0) - direct)
+
+
+def compile_form(order: int) -> None:
+    """Compile the elastic form of an order, or find it compiled."""
+    corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
+    discretise(MeshData(corner, np.array([[0, 1, 2]]), {}), order, weak_form, (1.0, 1.0))
+
+
+def _contact_line(
+    space: Discretisation,
+    contact: str,
+    which: str,
+    generatrix: Generatrix | None,
+    material: Material,
+    *,
+    radial: bool,
+    with_cells: bool,
+) -> tuple[ContactLine, IntArray]:
+    """Order the facets by coordinate, and number the trace nodes."""
+    axis = 1 if radial else 0
+    cell, a, b = space.edges[contact].T
+    along = space.nodes[space.cells[cell, b], axis] - space.nodes[space.cells[cell, a], axis]
+    if (np.abs(along) < 1e-12).any():
+        raise MeshError(
+            f"mesh.{which}: a facet of '{contact}' is perpendicular to the contact line; "
+            f"'{contact}' must be a graph over {'z' if radial else 'r'}"
+        )
+    a, b = np.where(along > 0.0, a, b), np.where(along > 0.0, b, a)
+    order = np.argsort(space.nodes[space.cells[cell, a], axis], kind="stable")
+    cell, a, b = cell[order], a[order], b[order]
+    first, last = space.cells[cell, a], space.cells[cell, b]
+    if (first[1:] != last[:-1]).any():
+        raise MeshError(f"mesh.{which}: '{contact}' is not one connected line without branches")
+    chain = np.append(first, last[-1])
+    if space.order == 2:
+        chain = np.insert(chain, np.arange(1, len(chain)), space.cells[cell, 3 + (3 - a - b)])
+    others = np.setdiff1d(space.cells[cell], chain) if with_cells else np.empty(0, dtype=np.int64)
+    trace = np.concatenate([chain, others])
+    number = np.full(len(space.nodes), -1, dtype=np.int64)
+    number[trace] = np.arange(len(trace))
+    corners = space.nodes[space.cells[cell, :3]]
+    start, end = space.nodes[first], space.nodes[last]
+    tangent = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    normals = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    inward = np.einsum("fi,fi->f", normals, corners.mean(axis=1) - start) > 0.0
+    normals[inward] *= -1.0
+    if generatrix is None:
+        ends = np.append(start, end[-1:], axis=0)
+        generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
+    line = ContactLine(
+        space.order,
+        radial,
+        generatrix,
+        space.nodes[chain],
+        normals,
+        corners,
+        np.stack([a, b], axis=1),
+        number[space.cells[cell]],
+        len(trace),
+        material,
+    )
+    return line, trace

@@ -1,0 +1,229 @@
+"""The only file that speaks to dolfinx, basix and PETSc: what differs between their versions stays here.
+
+Written for dolfinx 0.5.2 (Debian 12).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from weakref import finalize
+
+import numpy as np
+import petsc4py
+import petsc4py.lib
+import scipy.sparse as sp
+from mpi4py import MPI
+
+from ..base.arrays import FloatArray, IntArray
+from .mesh import MeshData
+
+
+@contextmanager
+def _own_versions_only() -> Iterator[None]:
+    """Spare ufl and ffcx a tenth of a second: pkg_resources reads all that is installed to tell them their version."""
+    if "pkg_resources" in sys.modules:
+        yield
+        return
+    stand_in = ModuleType("pkg_resources")
+    stand_in.get_distribution = importlib.metadata.distribution  # type: ignore[attr-defined]
+    sys.modules["pkg_resources"] = stand_in
+    try:
+        yield
+    finally:
+        del sys.modules["pkg_resources"]
+
+
+petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
+with _own_versions_only():
+    import basix
+    import ufl
+    from dolfinx import fem, mesh
+    from dolfinx.fem import petsc as fem_petsc
+    from petsc4py import PETSc
+
+logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log, with their place in the code
+
+WeakForm = Callable[[Any, Any, Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A Lagrange space of vectors (u_r, u_z) on one body; degree of freedom 2 * node + component.
+
+    nodes (n, 2) [mm]; cells (m, 3) or (m, 6), vertices first, then the middle of the edge opposite to each;
+    edges: boundary name -> (k, 3): cell, and its local indices of the edge's two end vertices.
+    """
+
+    order: int
+    nodes: FloatArray
+    cells: IntArray
+    edges: dict[str, IntArray]
+    stiffness: sp.csr_matrix
+
+    def edge_nodes(self, name: str) -> IntArray:
+        """Nodes of each edge of a boundary, (k, order + 1): start, (middle,) end."""
+        cell, a, b = self.edges[name].T
+        ends = [self.cells[cell, a], self.cells[cell, b]]
+        if self.order == 2:
+            ends.insert(1, self.cells[cell, 3 + (3 - a - b)])
+        return np.stack(ends, axis=1)
+
+
+def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[float, float]) -> Discretisation:
+    """Assemble ``form(u, v, x, constants)`` on the mesh; every rank holds the whole body it calls this for."""
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.triangle, 1))
+    grid = mesh.create_mesh(MPI.COMM_SELF, data.triangles, data.points, domain)
+    space = _compiling(lambda: fem.VectorFunctionSpace(grid, ("Lagrange", order)))
+    values = [fem.Constant(grid, PETSc.ScalarType(value)) for value in constants]
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    weak = form(u, v, ufl.SpatialCoordinate(grid), values)
+    matrix = fem_petsc.assemble_matrix(_compiling(lambda: fem.form(weak)))
+    matrix.assemble()
+    indptr, indices, entries = matrix.getValuesCSR()
+    size = matrix.getSize()
+    matrix.destroy()
+
+    count = grid.topology.index_map(2).size_local
+    cells = space.dofmap.list.array.reshape(count, -1).astype(np.int64)
+    vertices = grid.geometry.dofmap.array.reshape(count, -1)
+    original = np.asarray(grid.geometry.input_global_indices, dtype=np.int64)[vertices]
+    return Discretisation(
+        order,
+        np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2]),
+        cells,
+        _locate_edges(original, data.edges, len(data.points)),
+        sp.csr_matrix((entries, indices, indptr), shape=size),
+    )
+
+
+def _compiling(build: Callable[[], Any]) -> Any:
+    """What ``build`` makes, compiling code where it must, without the compiler's own messages.
+
+    A compilation that was killed leaves a source without a library, for which later ones wait in vain (ten seconds,
+    then TimeoutError): such leftovers are removed, and the code is compiled anew.
+    """
+    enabled = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        return build()
+    except TimeoutError:
+        _remove_leftovers()
+        return build()
+    finally:
+        logging.disable(enabled)
+
+
+def _remove_leftovers() -> None:
+    cache = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "fenics"
+    for source in cache.glob("libffcx_*.c"):
+        if not source.with_suffix(".c.cached").exists():
+            source.unlink(missing_ok=True)
+
+
+def _locate_edges(triangles: IntArray, edges: dict[str, IntArray], points: int) -> dict[str, IntArray]:
+    """For each named edge the cell that owns it and the local indices of its ends, in the order given."""
+    pairs = [(0, 1), (1, 2), (2, 0)]
+    keys = np.concatenate([np.sort(triangles[:, pair], axis=1) @ np.array([points, 1]) for pair in pairs])
+    order = np.argsort(keys, kind="stable")
+    found = {}
+    for name, ends in edges.items():
+        place = np.searchsorted(keys[order], np.sort(ends, axis=1) @ np.array([points, 1]))
+        cell = order[np.minimum(place, len(order) - 1)] % len(triangles)
+        local = [np.argmax(triangles[cell] == ends[:, [k]], axis=1) for k in (0, 1)]
+        found[name] = np.stack([cell, *local], axis=1).astype(np.int64)
+    return found
+
+
+def tabulate(order: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (p, b) and reference gradients (p, b, 2) of the scalar basis at reference ``points`` (p, 2)."""
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.triangle, order, basix.LagrangeVariant.equispaced
+    )
+    table = element.tabulate(1, points)[..., 0]
+    return table[0], np.moveaxis(table[1:], 0, -1)
+
+
+class Factor:
+    """A sparse matrix factored by MUMPS (through PETSc), and its solves; ``solves`` counts right-hand sides."""
+
+    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool) -> None:
+        self._matrix, self._pc = _prepare(matrix, symmetric=symmetric)
+        self._pc.setUp()
+        self._factor = self._pc.getFactorMatrix()
+        finalize(self, _destroy, self._pc, self._factor, self._matrix)
+        self.solves = 0
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solve for one right-hand side (n,) or many (n, k)."""
+        block = np.asfortranarray(rhs.reshape(len(rhs), -1))
+        out = np.zeros_like(block, order="F")
+        dense = [PETSc.Mat().createDense(block.shape, array=array, comm=PETSc.COMM_SELF) for array in (block, out)]
+        self._factor.matSolve(*dense)
+        for mat in dense:
+            mat.destroy()
+        self.solves += block.shape[1]
+        return out.reshape(rhs.shape) if rhs.ndim == 1 else out
+
+
+def schur_complement(matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+    """S = K_kk - K_ki K_ii^-1 K_ik of a symmetric positive definite matrix, dense, by MUMPS.
+
+    petsc4py 3.18 does not wrap the two PETSc calls this takes, so they are made on the library itself.
+    """
+    petsc = ctypes.CDLL(petsc4py.lib.ImportPETSc().__file__)
+    keep_alive, pc = _prepare(matrix, symmetric=True)
+    indices = PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+    factor = pc.getFactorMatrix()
+    _checked(petsc.MatFactorSetSchurIS(_pointer(factor), _pointer(indices)))
+    pc.setUp()
+    schur, status = ctypes.c_void_p(), ctypes.c_int()
+    factor = pc.getFactorMatrix()
+    _checked(petsc.MatFactorCreateSchurComplement(_pointer(factor), ctypes.byref(schur), ctypes.byref(status)))
+    data = ctypes.POINTER(ctypes.c_double)()
+    _checked(petsc.MatDenseGetArray(schur, ctypes.byref(data)))
+    dense = np.ctypeslib.as_array(data, shape=(len(kept), len(kept))).copy()
+    _checked(petsc.MatDenseRestoreArray(schur, ctypes.byref(data)))
+    _checked(petsc.MatDestroy(ctypes.byref(schur)))
+    _destroy(pc, factor, indices, keep_alive)
+    return dense
+
+
+def _prepare(matrix: sp.csr_matrix, *, symmetric: bool) -> tuple[Any, Any]:
+    matrix = sp.csr_matrix(matrix)
+    matrix.sort_indices()
+    wrapped = PETSc.Mat().createAIJ(
+        matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data), comm=PETSc.COMM_SELF
+    )
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    if symmetric:
+        wrapped.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    pc.setType("cholesky" if symmetric else "lu")
+    pc.setOperators(wrapped)
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    return wrapped, pc
+
+
+def _destroy(*objects: Any) -> None:
+    """Free PETSc's objects; where Python drops the last reference, petsc4py 3.18 keeps a factor in memory for ever."""
+    for each in objects:
+        each.destroy()
+
+
+def _pointer(handle: Any) -> ctypes.c_void_p:
+    return ctypes.c_void_p(handle.handle)
+
+
+def _checked(code: int) -> None:
+    if code != 0:
+        raise RuntimeError(f"PETSc failed with error code {code}")

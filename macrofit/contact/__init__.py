@@ -1,0 +1,1 @@
+"""The interface: moments, the contact law, Newton's method, the two engines."""

@@ -1,0 +1,228 @@
+"""The dense engine: the interface problem condensed on the moments, without bulk unknowns.
+
+With W the weights, J and T the moments of jump and bulk traction on the seat, N those of the bore's displacement in
+the seat's frame, C_a and C_w the compliances of the two bodies,
+
+    u_a = C_a (J - theta/gamma T)' W tau,   u_w = -C_w N' W tau
+    trial = gamma (g - A W tau) - Q,        A = (J - T/gamma) C_a (J - theta/gamma T)' + N C_w N'
+
+The wheel's stiffness does not change when it travels, so that an increment only changes N, g and the rows of the one
+or two seat facets that the wheel covers in part.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import scipy.linalg as sla
+
+from ..base.arrays import FloatArray, IntArray
+from ..bodies.body import CondensedBody
+from .law import Answer, Facing, Status
+from .seat import Seat, SeatRows
+from .status import OPEN, SLIP, STICK
+
+
+class Condensed:
+    """The axle's compliance between all moments of the seat, and the wheel's between its bore nodes."""
+
+    def __init__(self, seat: Seat, axle: CondensedBody, wheel: CondensedBody, *, reuse: bool = True) -> None:
+        """``reuse`` the factors of the interface matrix where only kappa changed, not the status."""
+        self.seat, self.axle, self.wheel, self.reuse = seat, axle, wheel, reuse
+        self.factorisations = 0
+        size, room = seat.size, seat.size + 2 * seat.moments
+        # [j, i][column, row]: component i of the approach of a row under component j of a unit force on a column;
+        # the last rows and columns are for partly covered facets
+        self._influence = np.zeros((2, 2, room, room))
+        nodes = np.arange(seat.loaded)
+        self.own_compliance = axle.compliance[np.concatenate([nodes, seat.line.trace_nodes + nodes])]
+        self._transposed = np.ascontiguousarray(axle.compliance.T)
+        influence = seat.full.load @ np.ascontiguousarray((seat.full.trial @ axle.compliance).T)
+        for j in range(2):
+            for i in range(2):
+                block = influence[j * size : (j + 1) * size, i * size : (i + 1) * size]
+                self._influence[j, i, :size, :size] = block
+
+    def problem(self, facing: Facing) -> CondensedProblem:
+        """The linear problems of one increment; recomputes the influence of partly covered facets."""
+        if facing.covered.partial is not None:
+            self._insert(facing.covered.partial)
+        return CondensedProblem(self, facing)
+
+    def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
+        """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
+        index, band = facing.covered.index, facing.pairing.bore
+        nodes = len(self.wheel.line.nodes)
+        compliance = self.wheel.compliance.reshape(2, nodes, 2, nodes)[:, band.span, :, band.span]
+        n_r, n_z = facing.covered.normals.T
+        frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
+        spread = np.zeros((2, facing.moments, band.matrix.shape[1]))
+        for here, scale in enumerate(frame[rows]):
+            for there in (0, 1):
+                band.add_product(spread[there], scale, compliance[here, :, there])
+        both = [_chosen(self._influence[j, rows], index, self.seat.size) for j in range(2)]
+        for out, direction in zip(both, frame, strict=True):
+            for component, scale in enumerate(direction):
+                band.add_product(out, scale, spread[component].T)
+        return both
+
+    def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
+        index = facing.covered.index
+        spread, response = np.zeros((2, 2, self._influence.shape[2]))
+        spread[:, index] = forces
+        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
+        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
+        for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1)):
+            response[i, columns] += spread[j, rows] @ self._influence[j, i, rows, columns]
+        bore = -_product_within(self.wheel.compliance, facing.pairing.bore.span, facing.pairing.bore_loads(forces))
+        return response[:, index] - facing.pairing.bore_moments(bore), bore
+
+    def _insert(self, partial: SeatRows) -> None:
+        """Write the influence of partly covered portions into the spare rows and columns."""
+        full, compliance = self.seat.full, self.axle.compliance
+        k, size = len(partial.weight), self.seat.size
+        spare = slice(size, size + k)
+        reach = (partial.trial @ compliance).T
+        rows = full.load @ reach
+        columns = (full.trial @ (partial.load @ self._transposed).T).T
+        corner = partial.load @ reach
+        for j in range(2):
+            for i in range(2):
+                block = self._influence[j, i]
+                block[:size, spare] = rows[j * size : (j + 1) * size, i * k : (i + 1) * k]
+                block[spare, :size] = columns[j * k : (j + 1) * k, i * size : (i + 1) * size]
+                block[spare, spare] = corner[j * k : (j + 1) * k, i * k : (i + 1) * k]
+
+
+class CondensedProblem:
+    """The linear problems of one increment, at given status and kappa."""
+
+    def __init__(self, engine: Condensed, facing: Facing) -> None:
+        self.engine, self.facing = engine, facing
+        self._rows: dict[int, list[FloatArray]] = {}
+        self._status: Status | None = None
+        self._lu: tuple[FloatArray, FloatArray] | None = None
+        n = facing.moments
+        self._traction, self._response, self._kappa = np.zeros((2, n)), np.zeros((2, n)), np.zeros(n)
+
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+        """Solve for the traction; where only kappa changed, correct the last answer with the factors at hand."""
+        facing = self.facing
+        active, sticking = np.flatnonzero(status.kind != OPEN), np.flatnonzero(status.kind == STICK)
+        slipping = np.flatnonzero(status.kind == SLIP)
+        if self._status is None or not self.engine.reuse or not self._status.same(status):
+            self._status = status
+            self._traction, self._response = np.zeros((2, facing.moments)), np.zeros((2, facing.moments))
+            self._factor(status, kappa, friction, active, sticking)
+        else:
+            self._turn(kappa, stick=len(sticking) > 0)
+        residual = facing.residual(self._traction, self._response, kappa)
+        unknown = np.concatenate([residual[0, active], residual[1, sticking]])
+        step = sla.lu_solve(self._lu, unknown, check_finite=False) if len(unknown) else unknown
+        traction = self._traction.copy()
+        traction[0, active] += step[: len(active)]
+        traction[1, sticking] += step[len(active) :]
+        traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
+        total = facing.total(traction, kappa)
+        self._response, bore = self.engine.respond(facing, facing.covered.weight * total)
+        self._traction, self._kappa = traction, kappa
+        trial = traction + facing.covered.gamma * facing.residual(traction, self._response, kappa)
+        return Answer(traction, trial, total, facing.kappa(bore))
+
+    def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
+        seat_load, bore_load = self.facing.loads(answer.total)
+        return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
+
+    def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
+        """Follow a change of kappa in the rows of the response that the next residual needs."""
+        forces = self.facing.covered.weight * (
+            self.facing.total(self._traction, kappa) - self.facing.total(self._traction, self._kappa)
+        )
+        for i in (0, 1) if stick else (0,):
+            rows = self._influence(i)
+            self._response[i] += forces[0] @ rows[0] + forces[1] @ rows[1]
+
+    def _influence(self, component: int) -> list[FloatArray]:
+        """The influence on one component of the approaches, computed when first needed in this increment."""
+        if component not in self._rows:
+            self._rows[component] = self.engine.influence(self.facing, component)
+        return self._rows[component]
+
+    def _factor(
+        self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray, sticking: IntArray
+    ) -> None:
+        if len(active):
+            matrix = self.matrix(status, kappa, friction, active, sticking)
+            self._lu = sla.lu_factor(matrix, overwrite_a=True, check_finite=False)
+            self.engine.factorisations += 1
+
+    def matrix(
+        self, status: Status, kappa: FloatArray, friction: FloatArray, active: IntArray, sticking: IntArray
+    ) -> FloatArray:
+        """d ((lambda + Q) / gamma + A W tau) / d (lambda_n of active, lambda_t of sticking moments).
+
+        A slipping moment has lambda_t = -sign mu lambda_n, and Q = -kappa lambda_n e_z.
+        """
+        covered = self.facing.covered
+        n_r, n_z = covered.normals.T
+        normal = (covered.weight * (1.0 - kappa * n_z))[active, None]
+        drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
+        a, k = len(active), len(sticking)
+        transposed = np.empty((a + k, a + k))
+        columns, held = _span(active), _span(sticking)
+        for i, count, rows, part in ((0, a, columns, slice(0, a)), (1, k, held, slice(a, a + k))):
+            if count:
+                across, along = self._influence(i)
+                np.multiply(normal, across[columns][:, rows], out=transposed[:a, part])
+                transposed[:a, part] += drag * along[columns][:, rows]
+                if k:
+                    transposed[a:, part] = covered.weight[sticking, None] * along[held][:, rows]
+        share = kappa if self.facing.nitsche else np.zeros_like(kappa)
+        own = (1.0 - share * n_z) / covered.gamma
+        diagonal = np.arange(a + k)
+        transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])
+        transposed[np.searchsorted(active, sticking), a + np.arange(k)] -= (share * n_r / covered.gamma)[sticking]
+        return transposed.T
+
+
+def _chosen(matrix: FloatArray, index: IntArray, size: int) -> FloatArray:
+    """matrix[index][:, index], for an ``index`` that ascends without holes where it is below ``size``."""
+    whole = index < size
+    out = np.empty((len(index), len(index)))
+    rows, spare = _span(np.flatnonzero(whole)), np.flatnonzero(~whole)
+    if whole.any():
+        part = _span(index[whole])
+        out[rows, rows] = matrix[part, part]
+    out[spare] = matrix[index[spare]][:, index]
+    out[:, spare] = matrix[:, index[spare]][index]
+    return out
+
+
+def _product(matrix: FloatArray, load: FloatArray) -> FloatArray:
+    """matrix @ load of two components (2 n,), without the columns before the first and after the last load."""
+    loaded = np.flatnonzero(load.reshape(2, -1).any(axis=0))
+    if not len(loaded):
+        return np.zeros(len(matrix))
+    within = slice(int(loaded[0]), int(loaded[-1]) + 1)
+    r, z = load.reshape(2, -1)[:, within]
+    blocks = matrix.reshape(len(matrix), 2, -1)
+    return np.asarray(blocks[:, 0, within] @ r + blocks[:, 1, within] @ z)
+
+
+def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:
+    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone."""
+    blocks, given = matrix.reshape(2, len(vector) // 2, 2, -1), vector.reshape(2, -1)
+    out = np.zeros_like(given)
+    for i, j in product((0, 1), (0, 1)):
+        out[i, span] += blocks[i, span, j, span] @ given[j, span]
+    return out.ravel()
+
+
+def _span(index: IntArray) -> IntArray | slice:
+    """A slice where the ascending ``index`` has no holes, so that picking it copies nothing."""
+    if len(index) and int(index[-1]) - int(index[0]) + 1 == len(index):
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index

@@ -1,0 +1,181 @@
+"""Two non-matching contact lines facing each other: exact integrals over the segments that both cut out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..base.arrays import FloatArray, IntArray
+from ..bodies.body import ContactLine
+from .moments import GAUSS_X, Entries, Portions, entries, portions_of, quadrature, shape
+
+_BLOCK = 16  # portions in a block of a Band
+
+
+@dataclass(frozen=True)
+class Band:
+    """A sparse matrix of moments whose entries lie along a band, as dense blocks of rows for products with matrices."""
+
+    matrix: FloatArray  # (n, columns of the span), zero outside the blocks
+    span: slice  # the columns that have entries lie within
+    blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each, the latter counted from the span's first
+
+    def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
+        """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (span, k); skips zero blocks."""
+        for rows, columns in self.blocks:
+            if scale[rows].any():
+                out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
+
+    portions: Portions
+    normals: FloatArray  # (p n, 2)
+    nodes: int  # of the bore
+    bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
+    slope: FloatArray  # (p n, span of the band): moments of its derivative along the bore
+    gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
+    lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
+    clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
+
+    def bore_moments(self, displacement: FloatArray) -> FloatArray:
+        """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
+        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.bore.matrix.T
+        n_r, n_z = self.normals.T
+        return np.stack([n_r * r + n_z * z, n_r * z - n_z * r])
+
+    def bore_loads(self, forces: FloatArray) -> FloatArray:
+        """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]."""
+        n_r, n_z = self.normals.T
+        components = np.stack([n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]])
+        loads = np.zeros((2, self.nodes))
+        loads[:, self.bore.span] = components @ self.bore.matrix
+        return loads.ravel()
+
+    def bore_slope(self, displacement: FloatArray) -> FloatArray:
+        """n . du/ds (p n,), moments along the bore."""
+        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.slope.T
+        return np.asarray(self.normals[:, 0] * r + self.normals[:, 1] * z)
+
+    @property
+    def bore_rows(self) -> sp.csr_matrix:
+        """N as a sparse matrix (2 p n, 2 bore nodes)."""
+        matrix = np.zeros((len(self.normals), self.nodes))
+        matrix[:, self.bore.span] = self.bore.matrix
+        n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(matrix) for k in (0, 1))
+        return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
+
+
+def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> Pairing | None:
+    """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap.
+
+    With a finite ``reach`` the facets at either end are left out where the undeformed gap is nowhere smaller than
+    ``reach`` times the deepest interpenetration, and None is returned where the gap is open all along.
+    """
+    shift = travel if seat.radial else 0.0
+    s, b = seat.coordinate, bore.coordinate + shift
+    low, high = max(s[0], b[0]), min(s[-1], b[-1])
+    if high - low <= 1e-9 * float(seat.length.min()):
+        return None
+    inner = np.concatenate([s[(s > low) & (s < high)], b[(b > low) & (b < high)]])
+    cuts = np.concatenate([[low], np.sort(inner), [high]])
+    keep = np.append(True, np.diff(cuts) > 1e-12 * (high - low))
+    cuts = cuts[keep]
+    cuts[-1] = high
+    clearance = np.inf
+    if np.isfinite(reach):
+        gap = open_gap(seat, bore, travel, cuts)
+        depth = -float(gap.min())
+        if depth <= -0.02 * float(seat.length.max()):
+            return None
+        if depth > 0.0:
+            near = cuts[gap < reach * depth]
+            ends = np.concatenate([[-np.inf], s, [np.inf]])  # the facet on either side of a near node is near
+            before = ends[np.searchsorted(s, near[0], side="left")]
+            after = ends[np.searchsorted(s, near[-1], side="right") + 1]
+            clearance = float(gap[(cuts <= before) | (cuts >= after)].min(initial=np.inf))
+            low, high = max(low, before), min(high, after)
+            cuts = cuts[(cuts >= low) & (cuts <= high)]
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    facet = np.searchsorted(s, middle, side="right") - 1
+    bore_facet = np.searchsorted(b, middle, side="right") - 1
+    first, last = int(facet[0]), int(facet[-1])
+    covered = np.arange(first, last + 1)
+    portions = portions_of(seat, covered, np.maximum(s[covered], low), np.minimum(s[covered + 1], high))
+    q, which, test = quadrature(seat, portions, facet - first, cuts[:-1], cuts[1:])
+    return _pairing(seat, bore, travel, clearance, portions, np.repeat(bore_facet, len(GAUSS_X)), q, which, test)
+
+
+def open_gap(seat: ContactLine, bore: ContactLine, travel: float, s: FloatArray) -> FloatArray:
+    """Undeformed gap [mm] at coordinates s of the seat, in the direction of the heights; < 0: interpenetration."""
+    shift = travel if seat.radial else 0.0
+    height = bore.generatrix.height(s - shift) - seat.generatrix.height(s)
+    if seat.radial:
+        return np.asarray(height)
+    return np.asarray((height + travel) * np.sign(seat.normals[0, 1]))
+
+
+def _pairing(
+    seat: ContactLine,
+    bore: ContactLine,
+    travel: float,
+    clearance: float,
+    portions: Portions,
+    bore_facet: IntArray,
+    s: FloatArray,
+    which: IntArray,
+    test: FloatArray,
+) -> Pairing:
+    x = bore.coordinate
+    extent = x[bore_facet + 1] - x[bore_facet]
+    zeta = s - (travel if seat.radial else 0.0)
+    values, slopes = shape(bore.order, (zeta - x[bore_facet]) / extent)
+    nodes = bore.order * bore_facet[:, None] + np.arange(bore.order + 1)
+    span = slice(int(nodes[0, 0]), int(nodes[-1, -1]) + 1)
+    columns = nodes - span.start
+    normals = np.repeat(seat.normals[portions.facet], test.shape[1], axis=0)
+    normal = seat.normals[portions.facet[which]]
+    height = bore.generatrix.height(zeta) - seat.generatrix.height(s)
+    if seat.radial:
+        gap = height * normal[:, 0]
+        lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
+    else:
+        gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
+    size = (len(normals), span.stop - span.start)
+    return Pairing(
+        portions,
+        normals,
+        len(bore.nodes),
+        Band(_dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])),
+        _dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
+        _mean(test, gap, which, len(portions.facet)),
+        _mean(test, lean, which, len(portions.facet)),
+        clearance,
+    )
+
+
+def _dense_rows(entries: Entries, shape: tuple[int, int]) -> FloatArray:
+    data, rows, columns = entries
+    flat = np.bincount(rows * shape[1] + columns, data, minlength=shape[0] * shape[1])
+    return np.asarray(flat.reshape(shape), dtype=np.float64)
+
+
+def _blocks(portion: IntArray, columns: IntArray, moments: int) -> tuple[tuple[slice, slice], ...]:
+    """Rows and columns of the blocks of a band whose points come in ascending portions and columns."""
+    count = int(portion[-1]) + 1
+    starts = np.arange(0, count, _BLOCK)
+    ends = np.minimum(starts + _BLOCK, count)
+    low = columns[np.searchsorted(portion, starts), 0]
+    high = columns[np.searchsorted(portion, ends) - 1, -1] + 1
+    rows = zip(starts * moments, ends * moments, low, high, strict=True)
+    return tuple((slice(a, b), slice(c, d)) for a, b, c, d in rows)
+
+
+def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:
+    """Moments (p n,) of point values (q,)."""
+    columns = [np.bincount(which, test[:, i] * values, minlength=count) for i in range(test.shape[1])]
+    return np.asarray(np.stack(columns, axis=1).ravel(), dtype=np.float64)

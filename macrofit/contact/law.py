@@ -1,0 +1,131 @@
+"""The traction law of frictional contact in Nitsche or penalty form, moment by moment.
+
+On the seat, with n the outward normal of the axle, lambda_n <= 0 the normal and lambda_t the tangential traction on
+the axle, J the jump u_axle - u_wheel, g the gap and slip of the undeformed bodies, T u the traction of the bulk stress:
+
+    trial    = (T u - Q) - gamma J u + gamma g
+    lambda_n = min(0, trial_n)
+    lambda_t = clip(trial_t, -mu |lambda_n|, mu |lambda_n|)
+    tau      = lambda + Q
+
+and tau loads the axle, -tau the wheel (Chouly, Hild, Renard, Math. Comp. 84 (2015) for the formulation;
+gamma = gamma0 E / h). Penalty is the same with T = 0 and no Q in the trial.
+
+The tangential g is the slip since the increment before plus the elastic slip (lambda - T u + Q)_t / gamma that was left
+then, which the discrete law has as any with a finite gamma: a traction that sticks is kept over any number of
+increments. The slip that dissipates is (trial - lambda)_t / gamma.
+
+Q is the axial share q of the pressure p = -lambda_n that the reference normal leaves out. The force conjugate to the
+travel U is F = -dL/dU at fixed displacements; the normal gap depends on U through the bore's shape and displacement
+at z - U, which gives
+
+    q = p kappa,   kappa = (dr_w/dz + du_wr/dz) n_r + (du_wz/dz) n_z + n_z
+
+so that the axial traction tau . e_z = lambda . e_z + q is that of the sloping, deformed interface: a frictionless push
+costs exactly the strain energy it stores. kappa vanishes where the gap is axial.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.arrays import FloatArray
+from .interface import Pairing
+from .seat import CoveredSeat
+from .status import OPEN, SLIP, STICK
+
+StatusArray = npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Status:
+    """Status of each moment (OPEN, STICK, SLIP) and the sign of its slip (0 where it does not slip)."""
+
+    kind: StatusArray
+    sign: StatusArray
+
+    def same(self, other: Status) -> bool:
+        """Whether two states are alike in every moment."""
+        return bool((self.kind == other.kind).all() and (self.sign == other.sign).all())
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a linear solve at given status and kappa returns; (2, n) normal and tangential."""
+
+    traction: FloatArray  # lambda [MPa]
+    trial: FloatArray  # MPa
+    total: FloatArray  # tau = lambda + Q [MPa]
+    kappa: FloatArray  # (n,) at the new displacements
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate."""
+
+    covered: CoveredSeat
+    pairing: Pairing
+    approach: FloatArray  # (2, n) g: gap and slip of the undeformed bodies [mm]
+    radial: bool
+    nitsche: bool
+
+    @property
+    def moments(self) -> int:
+        """Number of moments n."""
+        return len(self.covered.weight)
+
+    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
+        """tau = lambda + Q (2, n): in the facet's frame the axial direction is (n_z, n_r)."""
+        return np.asarray(traction - traction[0] * kappa * self.covered.normals.T[::-1])
+
+    def residual(self, traction: FloatArray, response: FloatArray, kappa: FloatArray) -> FloatArray:
+        """(2, n) (trial - lambda) / gamma = g - A W tau - (lambda [+ Q]) / gamma, for the response A W tau [mm]."""
+        own = self.total(traction, kappa) if self.nitsche else traction
+        return self.approach - response - own / self.covered.gamma
+
+    def loads(self, total: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nodal forces [N] on the axle's loaded nodes and on the bore's nodes."""
+        forces = self.covered.weight * total
+        return self.covered.loads(forces), -self.pairing.bore_loads(forces)
+
+    def axial_force(self, total: FloatArray) -> float:
+        """Axial resultant on the axle [N]: the pushing force."""
+        n_r, n_z = self.covered.normals.T
+        return float(self.covered.weight @ (total[0] * n_z + total[1] * n_r))
+
+    def kappa(self, bore: FloatArray) -> FloatArray:
+        """kappa (n,) at a displacement (2 bore nodes,) of the bore [mm]."""
+        if not self.radial:
+            return self.pairing.lean
+        return self.pairing.lean + self.pairing.bore_slope(bore)
+
+    def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
+        """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
+        return self.approach - self.covered.seat_moments(seat) + self.pairing.bore_moments(bore)
+
+
+def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:
+    """The status that a trial traction (2, n) asks for, with coefficients of friction (n,).
+
+    A slip that would turn its sign against ``before`` goes through stick: a plain semismooth Newton step flips
+    between the two signs on the first reversed increment and ends in a wrong state.
+    """
+    normal, tangential = trial
+    bound = friction * np.maximum(-normal, 0.0)
+    slips = (np.abs(tangential) > bound) | (friction == 0.0)
+    kind = np.where(normal >= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.int8)
+    sign = np.where((kind == SLIP) & (friction > 0.0), np.sign(tangential), 0).astype(np.int8)
+    if before is not None:
+        reversed_ = before.sign * sign < 0
+        kind[reversed_], sign[reversed_] = STICK, 0
+    return Status(kind, sign)
+
+
+def law(trial: FloatArray, friction: FloatArray) -> FloatArray:
+    """The traction (2, n) of a trial traction (2, n): Coulomb's law by return mapping."""
+    normal = np.minimum(trial[0], 0.0)
+    bound = -friction * normal
+    return np.stack([normal, np.clip(trial[1], -bound, bound)])

@@ -1,0 +1,97 @@
+"""Semismooth Newton on the status of the moments; returns a report, prints nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..base.arrays import FloatArray
+from .law import Answer, Status, classify, law
+
+TOLERANCE = 1e-10
+"""Largest error of the traction that is left, relative to the largest traction."""
+
+RESIDUAL = 1e-7
+"""Largest violation of the traction law that is accepted, relative to the largest traction."""
+
+SHARE = 1e-9
+"""Largest change of the pressure's axial share, which loads the bodies one kappa late, relative to the traction."""
+
+CONTRACTION = 1e-2
+"""Least factor between two changes that is believed; those of kappa are below."""
+
+
+class LinearProblem(Protocol):
+    """The problem that is linear once status and kappa are given: condensed or monolithic."""
+
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+        """Traction, trial traction and kappa after one linear solve."""
+        ...
+
+    def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class Report:
+    """How Newton's method ended."""
+
+    answer: Answer
+    status: Status
+    iterations: int
+    residual: float  # largest |lambda - law(trial)| relative to the largest traction
+    converged: bool
+
+
+def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
+    """Iterate status -> linear solve -> status until neither status nor traction changes.
+
+    The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
+    displacement, is taken from the step before. The changes of the traction then fall geometrically, and the last two
+    say what is left: change * (change / change before); of a body so soft that kappa follows the traction more than
+    the traction kappa, the change of kappa's load says more. A status that comes back is a cycle: from then on repeated
+    ones change one moment at a time.
+    """
+    limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
+    before, last = None, np.inf
+    seen: set[bytes] = set()
+    for iteration in range(1, limit + 1):
+        answer = problem.solve(status, kappa, friction)
+        asked = classify(answer.trial, friction, status)
+        scale = float(np.abs(answer.traction).max(initial=0.0))
+        change = np.inf if before is None else float(np.abs(answer.traction - before).max(initial=0.0))
+        left = change * min(max(change / last, CONTRACTION), 1.0) if 0.0 < last < np.inf else change
+        error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
+        turned = np.abs(answer.kappa - kappa)
+        settled = (
+            asked.same(status)
+            and (left <= TOLERANCE * scale or bool((turned <= 1e-13).all()))
+            and float((turned * np.abs(answer.traction[0])).max(initial=0.0)) <= SHARE * scale
+            and error <= RESIDUAL * scale
+        )
+        if settled or iteration == limit:
+            break
+        key = asked.kind.tobytes() + asked.sign.tobytes()
+        if key in seen:
+            asked = _one_change(status, asked, answer.trial, friction)
+        seen.add(key)
+        before, last, status, kappa = answer.traction, change, asked, answer.kappa
+    return Report(answer, status, iteration, error / scale if scale else error, settled)
+
+
+def _one_change(status: Status, asked: Status, trial: FloatArray, friction: FloatArray) -> Status:
+    """Of the changes that ``asked`` makes to ``status`` only that of the moment farthest from the law.
+
+    Where stick and slip of neighbours chase each other around a cycle, changing all of them at once does not end.
+    """
+    changed = (asked.kind != status.kind) | (asked.sign != status.sign)
+    if not changed.any():
+        return asked
+    excess = np.where(changed, np.abs(trial - law(trial, friction)).max(axis=0), -1.0)
+    kind, sign = status.kind.copy(), status.sign.copy()
+    one = int(np.argmax(excess))
+    kind[one], sign[one] = asked.kind[one], asked.sign[one]
+    return Status(kind, sign)

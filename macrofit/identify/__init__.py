@@ -1,0 +1,1 @@
+"""A parameter found from a measured curve."""

@@ -1,0 +1,257 @@
+"""The parameter of a scene whose fitting curve matches a measured one: least squares in one unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from mpi4py import MPI
+
+from ..assembly import Assembly, assemble
+from ..base.arrays import FloatArray
+from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
+from ..friction import registry
+from ..monitor import Silent
+from ..scene import Scene, load_scene
+from ..solve import solve
+from .measured import Measured, check_scale, comparable
+
+KEYS = {"uniform": "friction.options.coefficient"}
+DEFAULT_KEY = "friction.options.micro_friction"
+BOUNDS = {"friction.options.coefficient": (0.0, 1.0), "friction.options.micro_friction": (0.0, 0.5)}
+MOST_RUNS = 12
+FIRST_STEP = 0.02
+"""Least distance of the second trial from the first, relative to it."""
+TOLERANCE = 1e-4
+"""Step at which the value is found, relative to it or to the width of its bounds, whichever is less."""
+HALVINGS = 4
+"""How often a step that the provider refuses is halved."""
+
+Forward = Callable[[float], FloatArray]
+"""Parameter -> forces [N] at the measured displacements."""
+
+
+class IdentificationError(MacrofitError):
+    """A parameter that the curve does not determine, or not within its bounds."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The least-squares value p of one parameter and what its error is."""
+
+    value: float
+    standard_error: float  # sqrt(sigma^2 / (J' J)): residuals independent and of one spread
+    standard_error_correlated: float  # the same times sqrt((1 + rho) / (1 - rho)), rho > 0
+    correlation: float  # rho of neighbouring residuals
+    sigma: float  # sqrt(r' r / (n - 1)) [N]
+    fitted: FloatArray  # (n,) forces at p [N]
+    residual: FloatArray  # (n,) measured - fitted [N]
+    sensitivity: FloatArray  # (n,) J = dF/dp [N]
+    trials: tuple[tuple[float, float], ...]  # values tried, with r' r [N2]
+
+
+def fit(forward: Forward, measured: FloatArray, start: float, bounds: tuple[float, float]) -> Fit:
+    """The p that makes r' r least, r = measured - forward(p), by Gauss-Newton steps J' r / (J' J).
+
+    J is the secant between the two trials next to p. The second trial is where the curve would match if forces were
+    proportional to p. Its standard error is sigma (J' J)^-1/2, sigma^2 = r' r / (n - 1).
+
+    Raises IdentificationError: p is at a bound, the curve does not depend on it, or the steps do not settle; and what
+    ``forward`` raises, except a ProviderError at a trial, which halves the step.
+    """
+    low, high = bounds
+    known: dict[float, FloatArray] = {}
+    best = float(np.clip(start, low, high))
+    known[best] = forward(best)
+    trial = _second(best, known[best], measured, bounds)
+    for _ in range(MOST_RUNS - 1):
+        trial = _evaluate(forward, known, best, trial)
+        best = min(known, key=lambda p: _squares(measured - known[p]))
+        size = min(abs(best), high - low) or high - low
+        slope = _secant(known, best, 1e-3 * size)
+        wanted = best + float(slope @ (measured - known[best])) / float(slope @ slope)
+        trial = float(np.clip(wanted, low, high))
+        if abs(wanted - best) <= TOLERANCE * size:
+            return _report(known, best, slope, measured)
+        if trial == best:
+            side = "lower" if best == low else "upper"
+            raise IdentificationError(
+                f"the best value is at the {side} bound {best:g}, the curve asks for about {wanted:.3g}; "
+                f"widen --bounds if that can be, or check the scene's interference"
+            )
+        if trial in known:  # the steps go round between the same values
+            trial = 0.5 * (trial + best)
+    raise IdentificationError(f"no value was found in {MOST_RUNS} runs, the last was {best:g}; give narrower --bounds")
+
+
+def _second(first: float, forces: FloatArray, measured: FloatArray, bounds: tuple[float, float]) -> float:
+    low, high = bounds
+    scale = float(forces @ measured) / float(forces @ forces) if forces.any() else 2.0
+    guess = float(np.clip(first * np.clip(scale, 0.5, 2.0), low, high))
+    least = min(FIRST_STEP * abs(first), 0.1 * (high - low)) or 0.1 * (high - low)
+    if abs(guess - first) >= least:
+        return guess
+    return first + least if first + least <= high else first - least
+
+
+def _evaluate(forward: Forward, known: dict[float, FloatArray], best: float, trial: float) -> float:
+    """Forces of a trial, or of one nearer to the best value where the provider refuses it."""
+    asked = trial
+    for halving in range(HALVINGS + 1):
+        try:
+            known[trial] = forward(trial)
+            return trial
+        except ProviderError as error:
+            if halving == HALVINGS:
+                raise IdentificationError(
+                    f"the curve asks for about {asked:.3g}, and from {trial:.4g} on: {error}"
+                ) from error
+            trial = 0.5 * (trial + best)
+    raise AssertionError
+
+
+def _secant(known: dict[float, FloatArray], best: float, least: float) -> FloatArray:
+    """dF/dp between the best value and the next one that is not too close for a difference."""
+    others = sorted((p for p in known if p != best), key=lambda p: abs(p - best))
+    far = [p for p in others if abs(p - best) >= least] or others
+    slope: FloatArray = (known[far[0]] - known[best]) / (far[0] - best)
+    if not slope.any():
+        raise IdentificationError("the curve does not depend on the parameter; name another with --key")
+    return slope
+
+
+def _report(known: dict[float, FloatArray], best: float, slope: FloatArray, measured: FloatArray) -> Fit:
+    residual = measured - known[best]
+    sigma = float(np.sqrt(_squares(residual) / (len(measured) - 1)))
+    error = sigma / float(np.sqrt(slope @ slope))
+    rho = neighbour_correlation(residual)
+    bounded = min(max(rho, 0.0), 0.99)
+    trials = tuple((p, _squares(measured - forces)) for p, forces in known.items())
+    correlated = error * float(np.sqrt((1.0 + bounded) / (1.0 - bounded)))
+    return Fit(best, error, correlated, rho, sigma, known[best], residual, slope, trials)
+
+
+def _squares(residual: FloatArray) -> float:
+    return float(residual @ residual)
+
+
+def neighbour_correlation(residual: FloatArray) -> float:
+    """rho = sum r_i r_(i+1) / sum r_i^2; 0 where there are no residuals."""
+    squares = _squares(residual)
+    return float(residual[:-1] @ residual[1:]) / squares if squares > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A fit with where it comes from."""
+
+    key: str
+    bounds: tuple[float, float]
+    scene: Scene  # with the value found
+    fit: Fit
+    displacement: FloatArray  # (n,) [mm] of the points used
+    measured: FloatArray  # (n,) [N]
+    left_out: int  # measured points outside the scene's displacements
+    factorisations: int  # of bodies, in all trials
+
+
+def identify(
+    source: str | Path,
+    measured: Measured,
+    overrides: Iterable[str] = (),
+    key: str | None = None,
+    bounds: tuple[float, float] | None = None,
+    comm: MPI.Comm | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Identification:
+    """Find the value of ``key`` for which the scene's fitting curve is nearest to the measured one. Collective.
+
+    key: any number of the scene, dotted; None: friction.options.coefficient for a uniform coefficient,
+    friction.options.micro_friction otherwise. Between increments the computed curve is linear.
+
+    Raises MacrofitError with one line, on all ranks together.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    common = list(overrides)
+    scene = load_scene(source, common)
+    key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
+    start, bounds = _start(scene, key, bounds)
+    places = np.array(scene.displacements)
+    if (np.diff(places) <= 0.0).any():
+        raise SceneError("motion: the displacements must ascend for a curve to be compared with")
+    inside = comparable(measured, places)
+    at, wanted = measured.displacement[inside], measured.force[inside]
+    machine = _Machine(source, common, key, comm)
+
+    def forward(value: float) -> FloatArray:
+        forces = np.interp(at, places, machine.force(value))
+        if not machine.checked:
+            check_scale(wanted, forces, at)
+            machine.checked = True
+        misfit = np.sqrt(np.mean((wanted - forces) ** 2))
+        say(f"{key} = {value:.6g}  misfit {misfit / 1e3:.5g} kN")
+        return forces
+
+    found = fit(forward, wanted, start, bounds)
+    final = load_scene(source, [*common, f"{key}={found.value!r}"])
+    return Identification(key, bounds, final, found, at, wanted, int((~inside).sum()), machine.factorisations)
+
+
+class _Machine:
+    """Computes fitting curves for values of a key; bodies are factored again only where the key is one of theirs."""
+
+    def __init__(self, source: str | Path, overrides: list[str], key: str, comm: MPI.Comm) -> None:
+        self.source, self.overrides, self.key, self.comm = source, overrides, key, comm
+        self.factorisations = 0
+        self.checked = False
+        self._assembly: Assembly | None = None
+
+    def force(self, value: float) -> FloatArray:
+        """Pushing force [N] at the scene's displacements."""
+        without = ["output.stress=false", "output.fields=[]", "output.frames=0"]
+        scene = load_scene(self.source, [*self.overrides, *without, f"{self.key}={value!r}"])
+        if self._assembly is None or not self._assembly.serves(scene):
+            self._assembly = assemble(scene, self.comm)
+            self.factorisations += self._assembly.factorisations
+        solution = solve(scene, self.comm, Silent(), None, self._assembly)
+        failed = sum(not record.converged for record in solution.increments)
+        if failed:
+            raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
+        return solution.force
+
+
+def _start(scene: Scene, key: str, bounds: tuple[float, float] | None) -> tuple[float, tuple[float, float]]:
+    """The scene's own value, moved between the bounds, and the bounds."""
+    present = _value(scene, key)
+    low, high = bounds or BOUNDS.get(key) or (0.5 * present, 2.0 * present)
+    if not low < high:
+        raise SceneError(f"--bounds {low:g},{high:g}: the lower bound must be below the upper one")
+    inside = low < present < high
+    return (present if inside else 0.5 * (low + high)), (low, high)
+
+
+def _value(scene: Scene, key: str) -> float:
+    """The number a key has in the scene, or the default of the provider's option."""
+    *path, last = key.split(".")
+    if path == ["friction", "options"]:
+        options = registry.load(scene.friction.provider, scene.friction.options)
+        known = [name for name in getattr(options, "__struct_fields__", ())]
+        if last not in known:
+            raise SceneError(
+                f"{key}: no option of friction provider '{scene.friction.provider}' ({', '.join(known) or 'none'}); "
+                f"name another with --key, or another provider with --set friction.provider=NAME"
+            )
+        value: Any = getattr(options, last)
+    else:
+        value = msgspec.to_builtins(scene)
+        for part in (*path, last):
+            if not isinstance(value, dict) or part not in value:
+                raise SceneError(f"{key}: no such key in the scene")
+            value = value[part]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SceneError(f"{key}: is {value!r} in the scene, not a number to be identified")
+    return float(value)

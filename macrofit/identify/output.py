@@ -1,0 +1,132 @@
+"""The files of an identification: its numbers, the two curves, a figure; and its closing words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from mpi4py import MPI
+
+from ..base.files import replacing
+from ..figures.style import BLUE, BROWN, blank, save
+from ..parallel import raise_together
+from ..results.folder import prepare
+from ..results.summary import versions
+from .fit import Identification, identify
+from .measured import read_measured
+
+NUMBERS, CURVES, FIGURE = "identification.json", "identified_curve.csv", "identification.png"
+ASSUMPTIONS = (
+    "standard_error is sqrt(sigma^2 / J'J) of the measured points: it takes their errors as independent, of one "
+    "spread, and the scene (drawing, interference, surfaces) as exact. standard_error_correlated allows for residuals "
+    "whose neighbours are alike, as those are where other surfaces were measured than computed."
+)
+
+
+def carry_out_identification(
+    source: str,
+    curve: Path,
+    comm: MPI.Comm,
+    folder: Path,
+    *,
+    overrides: tuple[str, ...],
+    key: str | None,
+    bounds: tuple[float, float] | None,
+    quiet: bool,
+) -> list[str]:
+    """Identify, write into ``folder``, give the closing words (rank 0). Collective; raises MacrofitError."""
+    with raise_together(comm):
+        measured = read_measured(curve)
+        if comm.rank == 0:
+            prepare(folder, owned=(folder / NUMBERS).is_file())
+
+    def say(line: str) -> None:
+        if comm.rank == 0 and not quiet:
+            print(line, flush=True)
+
+    found = identify(source, measured, overrides, key, bounds, comm, say)
+    lines: list[str] = []
+    with raise_together(comm):
+        if comm.rank == 0:
+            lines = write_identification(folder, found, str(curve))
+    return lines
+
+
+def write_identification(folder: Path, found: Identification, curve: str) -> list[str]:
+    """identification.json, identified_curve.csv and the figure. Raises OutputError."""
+    fit = found.fit
+    rows = np.column_stack([found.displacement, found.measured, fit.fitted, fit.residual])
+    with replacing(folder / CURVES) as draft:
+        text = "\n".join(",".join(repr(float(value)) for value in row) for row in rows)
+        draft.write_text(f"displacement_mm,measured_N,fitted_N,residual_N\n{text}\n")
+    save(figure(found), folder / FIGURE)
+    with replacing(folder / NUMBERS) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(numbers(found, curve)), indent=2) + b"\n")
+    return [*sentences(found), f"Files           {folder}"]
+
+
+def numbers(found: Identification, curve: str) -> dict[str, Any]:
+    """What identification.json holds."""
+    fit = found.fit
+    return {
+        "key": found.key,
+        "value": fit.value,
+        "standard_error": fit.standard_error,
+        "standard_error_correlated": fit.standard_error_correlated,
+        "neighbour_correlation": fit.correlation,
+        "interval_95": [fit.value - 1.96 * fit.standard_error, fit.value + 1.96 * fit.standard_error],
+        "assumptions": ASSUMPTIONS,
+        "residual_deviation_N": fit.sigma,
+        "largest_measured_force_N": float(np.abs(found.measured).max()),
+        "bounds": list(found.bounds),
+        "points": len(found.measured),
+        "points_left_out": found.left_out,
+        "curve": curve,
+        "provider": found.scene.friction.provider,
+        "options": found.scene.friction.options,
+        "trials": [{"value": value, "sum_of_squares_N2": squares} for value, squares in fit.trials],
+        "factorisations": found.factorisations,
+        "versions": versions(),
+    }
+
+
+def sentences(found: Identification) -> list[str]:
+    """The result in a few lines for people."""
+    fit = found.fit
+    top = float(np.abs(found.measured).max())
+    lines = [
+        f"Identified      {found.key} = {fit.value:.5g} ± {fit.standard_error:.2g} (standard error), "
+        f"{len(fit.trials)} runs",
+        f"Residual        {fit.sigma / 1e3:.4g} kN, {fit.sigma / top:.2%} of the largest force, "
+        f"{len(found.measured)} points",
+    ]
+    if found.left_out:
+        lines.append(f"Left out        {found.left_out} points outside the displacements of the scene")
+    if fit.correlation > 2.0 / np.sqrt(len(found.measured)):
+        lines.append(
+            f"Correlated      neighbouring residuals are alike ({fit.correlation:.2f}): more than noise is left; "
+            f"± {fit.standard_error_correlated:.2g} allows for it"
+        )
+    return lines
+
+
+def figure(found: Identification) -> Any:
+    """Measured and fitted force against displacement, and the residual below."""
+    drawn, (upper, lower) = blank(7.0, 6.0, rows=2)
+    fit = found.fit
+    name = found.key.rpartition(".")[2]
+    upper.plot(found.displacement, found.measured / 1e3, ".", color=BROWN, ms=3, label="measured")
+    label = f"fitted, {name} = {fit.value:.4g} ± {fit.standard_error:.1g}"
+    upper.plot(found.displacement, fit.fitted / 1e3, color=BLUE, lw=1.6, label=label)
+    upper.legend(frameon=False, fontsize=9)
+    upper.set_ylabel("pushing force [kN]")
+    lower.axhline(0.0, color=BLUE, lw=1.0)
+    lower.axhspan(-fit.sigma / 1e3, fit.sigma / 1e3, color=BLUE, alpha=0.12, lw=0)
+    lower.plot(found.displacement, fit.residual / 1e3, ".", color=BROWN, ms=3)
+    lower.set_ylabel("measured - fitted [kN]")
+    lower.set_xlabel("displacement of the wheel [mm]")
+    if found.scene.title:
+        upper.set_title(found.scene.title, fontsize=10)
+    return drawn

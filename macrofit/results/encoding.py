@@ -1,0 +1,102 @@
+"""Increments as bytes that give the numbers back to the bit: frames with a check sum, plain arrays.
+
+A frame is the length and the CRC-32 of its content (both little-endian, 4 bytes), then the content. An array
+is its type, shape and bytes. The container is MessagePack; nothing is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ..base.arrays import FloatArray, IntArray
+from ..solution import FacetState, Increment
+
+State = dict[str, FloatArray | IntArray]
+"""Arrays the solver needs to go on after an increment."""
+
+_FRAME = struct.Struct("<II")
+_CAST = {"float": float, "int": int, "bool": bool}
+_SCALARS = {item.name: _CAST[str(item.type)] for item in fields(Increment) if item.name != "facets"}
+
+
+class _Array(msgspec.Struct, array_like=True):
+    dtype: str
+    shape: tuple[int, ...]
+    data: bytes
+
+
+class _Record(msgspec.Struct, array_like=True):
+    scalars: dict[str, bool | int | float]
+    facets: dict[str, _Array]
+    state: dict[str, _Array]
+
+
+_DECODER = msgspec.msgpack.Decoder(_Record)
+
+
+def encode(record: Increment, state: Mapping[str, FloatArray | IntArray]) -> bytes:
+    """An increment and the state after it. Raises TypeError for an array that is not of numbers."""
+    scalars = {name: cast(getattr(record, name)) for name, cast in _SCALARS.items()}
+    facets = {item.name: getattr(record.facets, item.name) for item in fields(FacetState)}
+    return msgspec.msgpack.encode(_Record(scalars, _packed(facets), _packed(state)))
+
+
+def decode(content: bytes) -> tuple[Increment, State]:
+    """What `encode` was given. Raises ValueError for anything else."""
+    try:
+        record = _DECODER.decode(content)
+        scalars: dict[str, Any] = {name: cast(record.scalars[name]) for name, cast in _SCALARS.items()}
+        facets: dict[str, Any] = _unpacked(record.facets)
+        return Increment(**scalars, facets=FacetState(**facets)), _unpacked(record.state)
+    except (msgspec.MsgspecError, TypeError, KeyError) as error:
+        raise ValueError(f"not an increment: {error}") from None
+
+
+def frame(content: bytes) -> bytes:
+    """The content as one frame."""
+    return _FRAME.pack(len(content), zlib.crc32(content)) + content
+
+
+def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
+    """The contents of the frames from ``start`` on, each with the place where its frame ends.
+
+    Stops before a last frame that was torn while it was written. Raises ValueError for a damaged one.
+    """
+    place = start
+    while place + _FRAME.size <= len(data):
+        length, check = _FRAME.unpack_from(data, place)
+        end = place + _FRAME.size + length
+        if length == 0 or end > len(data):
+            return
+        content = data[place + _FRAME.size : end]
+        if zlib.crc32(content) != check:
+            if end == len(data):
+                return
+            raise ValueError(f"damaged at byte {place}")
+        yield content, end
+        place = end
+
+
+def _packed(arrays: Mapping[str, FloatArray | IntArray]) -> dict[str, _Array]:
+    packed = {}
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        if array.dtype.kind not in "biuf":
+            raise TypeError(f"array '{name}' is of {array.dtype}, not of numbers")
+        packed[name] = _Array(array.dtype.str, array.shape, array.tobytes())
+    return packed
+
+
+def _unpacked(packed: Mapping[str, _Array]) -> State:
+    # frombuffer gives views that cannot be written, and the solver may change its state in place
+    return {
+        name: np.frombuffer(item.data, dtype=np.dtype(item.dtype)).reshape(item.shape).copy()
+        for name, item in packed.items()
+    }

@@ -1,0 +1,228 @@
+"""The files of a run: each is written beside its name and then put in place, so that none is ever half there.
+
+A folder belongs to macrofit once it holds a journal; a new run replaces what is in it. Any other folder that
+is not empty is refused, so that nothing of the user's is overwritten.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from ..base.arrays import FloatArray
+from ..base.files import append_whole, replacing, writing
+from ..errors import OutputError
+from ..scene import Scene, dump_scene
+from ..solution import BodyField, FacetState, Increment, PairFrictionMap
+
+if TYPE_CHECKING:
+    from ..solution import Solution
+
+JOURNAL, SCENE, CURVE, SUMMARY, INTERFACE, FIELDS = (
+    "journal.bin", "scene.toml", "fitting_curve.csv", "summary.json", "interface.h5", "fields"
+)  # fmt: skip
+HEADER = (
+    "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,sticking_facets,"
+    "newton_iterations,wall_s"
+)
+UNITS = {
+    "pressure": "MPa", "traction": "MPa", "gap": "mm", "slip": "mm", "accumulated_slip": "mm",
+    "status": "0 open, 1 stick, 2 slip", "friction": "1",
+}  # fmt: skip
+
+
+def prepare(folder: Path, *, owned: bool) -> None:
+    """Make the folder and make sure it can be written to.
+
+    Raises OutputError: it is not writable; or it is not empty and, not ``owned``, holds no run of macrofit.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not owned and any(folder.iterdir()):
+            raise OutputError(f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o")
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"macrofit")
+
+
+def clear(folder: Path) -> None:
+    """Remove the results of an earlier run, and nothing else."""
+    with writing(folder):
+        for stale in (folder / CURVE, folder / SUMMARY, folder / INTERFACE, *folder.glob("*.png")):
+            stale.unlink(missing_ok=True)
+        for pattern in ("*.vtu", "*.pvd"):
+            for stale in (folder / FIELDS).glob(pattern):
+                stale.unlink()
+
+
+def write_scene(folder: Path, scene: Scene) -> None:
+    """The resolved scene, every default written out: scene.toml."""
+    with replacing(folder / SCENE) as draft:
+        draft.write_text(dump_scene(scene))
+
+
+def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
+    """summary.json; its presence says that the run is complete."""
+    with replacing(folder / SUMMARY) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
+
+
+class CurveFile:
+    """The monitor that writes fitting_curve.csv, one row as soon as an increment is accepted."""
+
+    def __init__(self, folder: Path, before: Sequence[Increment] = ()) -> None:
+        self.path = folder / CURVE
+        self.records = list(before)  # everything accepted so far, those of the resumed run first
+        self._last = before[-1].index if before else -1
+        with writing(self.path):
+            self._file = self.path.open("wb", buffering=0)
+            append_whole(self._file.fileno(), "".join([HEADER + "\n", *map(_row, before)]).encode())
+
+    def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
+        """Nothing: the header is there."""
+
+    def increment(self, record: Increment) -> None:
+        """Write the increment; one that the resumed run already had is not written twice."""
+        if record.index <= self._last:
+            return
+        with writing(self.path):
+            append_whole(self._file.fileno(), _row(record).encode())
+        self.records.append(record)
+
+    def finished(self) -> None:
+        """Close the file."""
+        with writing(self.path):
+            self._file.close()
+
+
+_EXACT = ("displacement", "force", "normal_force", "mean_friction", "max_pressure")
+_COUNTS = ("active_facets", "sticking_facets", "newton_iterations")
+
+
+def _row(record: Increment) -> str:
+    cells = [repr(float(getattr(record, name))) for name in _EXACT]
+    cells += [str(int(getattr(record, name))) for name in _COUNTS]
+    return ",".join([*cells, f"{record.wall_s:.6f}"]) + "\n"
+
+
+def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
+    """Displacement [mm] and force [N] from the fitting curve of a folder, or from such a file itself.
+
+    Raises OutputError when there is none or it is not one of macrofit.
+    """
+    path = folder / CURVE if folder.is_dir() else folder
+    try:
+        lines = path.read_text().splitlines()
+        if lines[:1] != [HEADER]:
+            raise OutputError(f"{path}: is not a fitting curve of macrofit, its header is another")
+        rows = [line.split(",") for line in lines[1:]]
+        values = np.array([[float(row[0]), float(row[1])] for row in rows]).reshape(-1, 2)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, IndexError):
+        raise OutputError(f"{path}: holds a row that is not numbers") from None
+    return values[:, 0], values[:, 1]
+
+
+def write_interface(
+    folder: Path,
+    scene: Scene,
+    seat: FloatArray | None,
+    records: Sequence[Increment],
+    friction: PairFrictionMap | None = None,
+) -> None:
+    """interface.h5: the state of every facet of the seat at every increment, (increments, facets).
+
+    ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN. The group
+    `pairs` has the pairs of tiles met, where the run had any: tile numbers, coefficient, uncertainty.
+    """
+    import h5py
+
+    facets = len(records[0].facets.pressure) if records else 0
+    if seat is None or len(seat) != facets + 1:
+        seat = np.full(facets + 1, np.nan)
+    line = {"facet_start": seat[:-1], "facet_end": seat[1:]}
+    middle = 0.5 * (seat[:-1] + seat[1:])
+    # built in memory: where HDF5 itself meets a full disk it does not always come back
+    with h5py.File(INTERFACE, "w", driver="core", backing_store=False) as file:
+        file.attrs["title"] = scene.title
+        file.attrs["coordinate"] = "z" if scene.direction == "radial" else "r"
+        _dataset(file, "displacement", np.array([record.displacement for record in records]), "mm")
+        for name, values in line.items():
+            _dataset(file, name, values, "mm")
+        _dataset(file, "z", np.broadcast_to(middle, (len(records), facets)), "mm")
+        for item in fields(FacetState):
+            rows = [getattr(record.facets, item.name) for record in records]
+            _dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
+        if friction is not None and friction.seat.size:
+            _write_pairs(file.create_group("pairs"), friction)
+        file.flush()
+        image = file.id.get_file_image()
+    with replacing(folder / INTERFACE) as draft:
+        draft.write_bytes(image)
+
+
+def _write_pairs(group: Any, friction: PairFrictionMap) -> None:
+    tiling = friction.tiling
+    group.attrs["tile_size_mm"] = tiling.size
+    group.attrs["seat_origin_mm"] = tiling.seat_origin
+    group.attrs["bore_leading_edge_mm"] = tiling.bore_ends[1]
+    group.attrs["seat_tiles"], group.attrs["bore_tiles"] = tiling.seat_tiles, tiling.bore_tiles
+    group.attrs["lasting"] = friction.lasting
+    units = {"seat": "tile, from the seat's start", "bore": "tile, from the leading edge"}
+    for name in ("seat", "bore", "coefficient", "uncertainty"):
+        _dataset(group, name, getattr(friction, name), units.get(name, "1"))
+
+
+def _dataset(file: Any, name: str, values: Any, unit: str) -> None:
+    squeezed = {"compression": "gzip", "compression_opts": 1} if values.ndim == 2 and values.size else {}
+    file.create_dataset(name, data=values, **squeezed).attrs["unit"] = unit
+
+
+def write_fields(folder: Path, solution: Solution) -> None:
+    """fields/: a .vtu per body and displacement, a .pvd per body that lists them. x is r and y is z [mm]."""
+    if not solution.fields:
+        return
+    target = folder / FIELDS
+    with writing(target):
+        target.mkdir(exist_ok=True)
+    steps = sorted(solution.fields.items())
+    for body in ("axle", "wheel"):
+        names = []
+        for number, (displacement, bodies) in enumerate(steps):
+            if body in bodies:
+                names.append((displacement, f"{body}_{number:04d}.vtu"))
+                with replacing(target / names[-1][1]) as draft:
+                    _vtk_mesh(bodies[body], solution.scene.output.fields).write(draft, file_format="vtu")
+        with replacing(target / f"{body}.pvd") as draft:
+            draft.write_text(_collection(names))
+
+
+def _vtk_mesh(field: BodyField, asked: Iterable[str]) -> Any:
+    import meshio
+
+    cells = field.cells
+    if cells.shape[1] == 6:  # ours: middles opposite to vertices 0, 1, 2; VTK: middles of edges 01, 12, 20
+        cells = cells[:, [0, 1, 2, 5, 3, 4]]
+    kind = "triangle" if cells.shape[1] == 3 else "triangle6"
+    flat = np.zeros(len(field.points))
+    data: dict[str, Any] = {}
+    if "displacement" in asked:
+        data["displacement"] = np.column_stack([field.displacement, flat])
+    if "von_mises" in asked:
+        data["von_mises"] = field.von_mises
+    if "stress" in asked:
+        names = ("stress_rr", "stress_zz", "stress_tt", "stress_rz")
+        data |= {name: field.stress[:, k].copy() for k, name in enumerate(names)}
+    return meshio.Mesh(np.column_stack([field.points, flat]), [(kind, cells)], point_data=data)
+
+
+def _collection(names: Iterable[tuple[float, str]]) -> str:
+    lines = [f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n' for time, name in names]
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+    return head + "".join(lines) + "  </Collection>\n</VTKFile>\n"

@@ -1,0 +1,232 @@
+"""The journal of a run: every accepted increment with the state to go on from, safe against a kill.
+
+The file starts with a signature and a frame that holds the scene; then comes one frame per increment, written
+by one call once the increment is accepted. A kill can only tear the last one, and reading drops it. The data
+go to the operating system at once but are not forced onto the disk: a power cut may cost the last increments.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from ..base.arrays import FloatArray, IntArray
+from ..base.files import append_whole, writing
+from ..errors import OutputError
+from ..scene import Scene
+from ..solution import Increment
+from .encoding import State, decode, encode, frame, frames
+
+MAGIC = b"macrofit journal\n"
+VERSION = 2
+
+
+class _Header(msgspec.Struct, array_like=True):
+    version: int
+    digest: str  # sha256 of the scene
+    scene: bytes  # the resolved scene, as JSON
+    meshes: dict[str, str]  # key of a file, of a mesh or of a provider's option -> sha256 of its content
+
+
+class _Content(NamedTuple):
+    header: _Header
+    records: list[tuple[Increment, State]]
+    end: int  # where the last whole record ends [bytes]
+
+
+class Journal:
+    """An append-only file of increments; made by `start` or `resume`, closed by leaving the `with` block."""
+
+    def __init__(self, path: Path, descriptor: int | None, records: list[tuple[Increment, State]]) -> None:
+        self.path = path
+        self._descriptor = descriptor
+        self._records = records
+
+    @classmethod
+    def start(cls, path: Path, scene: Scene, *, replace: bool = False) -> Journal:
+        """A new journal in place of whatever journal is there.
+
+        Raises OutputError: a run is writing it; or, unless ``replace``, it holds increments of this very
+        scene, which `resume` could go on from; or it cannot be written.
+        """
+        if path.exists():
+            _refuse_to_lose(path, scene, replace)
+        head = MAGIC + frame(msgspec.msgpack.encode(_header(scene)))
+        fresh = path.with_name(f".{path.name}.new")
+        with writing(path):
+            descriptor = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        try:
+            _lock(descriptor, path)
+            with writing(path):
+                append_whole(descriptor, head)
+                os.replace(fresh, path)  # so that a journal never lacks its header
+        except BaseException:
+            os.close(descriptor)
+            fresh.unlink(missing_ok=True)
+            raise
+        return cls(path, descriptor, [])
+
+    @classmethod
+    def resume(cls, path: Path, scene: Scene) -> Journal:
+        """The journal that is there, to go on after its last whole record.
+
+        Raises OutputError: not a journal, damaged, of another version or scene, in use, or not writable.
+        """
+        with writing(path):
+            descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            _lock(descriptor, path)
+            content = _read(path)
+            _same_scene(path, content.header, scene)
+            with writing(path):
+                os.ftruncate(descriptor, content.end)
+        except BaseException:
+            os.close(descriptor)
+            raise
+        return cls(path, descriptor, content.records)
+
+    @classmethod
+    def elsewhere(cls) -> Journal:
+        """A journal without a file, for the ranks that do not write: empty, and it keeps nothing."""
+        return cls(Path(), None, [])
+
+    def records(self) -> list[tuple[Increment, State]]:
+        """The increments found when the journal was opened, each with the state after it."""
+        return list(self._records)
+
+    def append(self, record: Increment, state: Mapping[str, FloatArray | IntArray]) -> None:
+        """Write an accepted increment and the state after it.
+
+        Raises OutputError when it cannot be written; the increments written before stay readable.
+        """
+        if self._descriptor is None:
+            return
+        written = frame(encode(record, state))
+        with writing(self.path):
+            append_whole(self._descriptor, written)
+
+    def close(self) -> None:
+        """Release the file."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def is_journal(path: Path) -> bool:
+    """Whether the file is there and starts as a journal does."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
+def _refuse_to_lose(path: Path, scene: Scene, replace: bool) -> None:
+    with path.open("rb") as file:
+        _lock(file.fileno(), path)
+    if replace or not is_journal(path):
+        return
+    try:
+        content = _read(path)
+        _same_scene(path, content.header, scene)
+    except OutputError:
+        return  # another scene, or nothing that could be resumed
+    if content.records:
+        raise OutputError(
+            f"{path.parent}: holds an unfinished run of this scene, {len(content.records)} increments; "
+            f"continue it with --resume, choose another folder with -o, or delete this one"
+        )
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OutputError(f"{path}: another run is writing it; wait for it, or choose another folder with -o") from None
+    except OSError:  # a file system without locks
+        pass
+
+
+def _header(scene: Scene) -> _Header:
+    text = msgspec.json.encode(scene, order="deterministic")
+    return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, file_digests(scene))
+
+
+def file_digests(scene: Scene) -> dict[str, str]:
+    """SHA-256 of the content of each file that a scene names, by its key: meshes, and files in friction options."""
+    named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
+    named |= _flat(scene.friction.options, "friction.options")
+    return {
+        key: hashlib.sha256(Path(value).read_bytes()).hexdigest()
+        for key, value in named.items()
+        if isinstance(value, str) and os.path.isfile(value)
+    }
+
+
+def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
+    now = _header(scene)
+    if header.digest == now.digest and header.meshes == now.meshes:
+        return
+    old, new = _flat(msgspec.json.decode(header.scene), ""), _flat(msgspec.json.decode(now.scene), "")
+    changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+    files = sorted(header.meshes.keys() | now.meshes.keys())
+    changed += [f"content of {key}" for key in files if header.meshes.get(key) != now.meshes.get(key)]
+    listed = ", ".join(changed[:6]) + (", ..." if len(changed) > 6 else "")
+    raise OutputError(
+        f"{path}: is of another scene (changed: {listed}); run with the scene.toml beside it, or without --resume"
+    )
+
+
+def _flat(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        return {where: value}
+    return {
+        name: item
+        for key, child in value.items()
+        for name, item in _flat(child, f"{where}.{key}" if where else key).items()
+    }
+
+
+def _read(path: Path) -> _Content:
+    """Header and whole records; raises OutputError for a file that is no journal, is damaged or too new."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
+    header, end = _read_header(path, data)
+    records: list[tuple[Increment, State]] = []
+    try:
+        for content, place in frames(data, end):
+            records.append(decode(content))
+            end = place
+    except ValueError as error:
+        raise OutputError(
+            f"{path}: {error}, after {len(records)} increments; it may be of another version of macrofit; "
+            f"run without --resume"
+        ) from None
+    return _Content(header, records, end)
+
+
+def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
+    if not data.startswith(MAGIC):
+        raise OutputError(f"{path}: is not a journal of macrofit; choose another folder with -o")
+    try:
+        content, end = next(frames(data, len(MAGIC)))
+        header = msgspec.msgpack.decode(content, type=_Header)
+    except (StopIteration, ValueError, msgspec.MsgspecError):
+        raise OutputError(f"{path}: its header is damaged; run without --resume") from None
+    if header.version != VERSION:
+        raise OutputError(f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume")
+    return header, end

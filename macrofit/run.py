@@ -1,0 +1,92 @@
+"""One run with its folder: opened, computed, written; what was accepted stays whatever happens."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+from mpi4py import MPI
+
+from .errors import MacrofitError
+from .monitor import Monitor, Several, Silent, on_screen
+from .parallel import raise_together
+from .results.folder import (
+    JOURNAL,
+    SUMMARY,
+    CurveFile,
+    clear,
+    prepare,
+    write_fields,
+    write_interface,
+    write_scene,
+    write_summary,
+)
+from .results.journal import Journal, is_journal
+from .results.summary import seat_ends, sentences, summary
+from .scene import Scene
+from .solution import Solution
+from .solve import solve
+
+
+def carry_out(scene: Scene, comm: MPI.Comm, folder: Path, *, resume: bool, quiet: bool) -> list[str]:
+    """Solve the scene, write its results into ``folder``, and give the closing words (rank 0). Collective.
+
+    Only rank 0 writes. Raises MacrofitError on all ranks together.
+    """
+    curve: CurveFile | None = None
+    with raise_together(comm):
+        if comm.rank == 0:
+            journal, curve = open_folder(folder, scene, resume=resume)
+        else:
+            journal = Journal.elsewhere()
+    monitor: Monitor = Silent() if curve is None else Several(on_screen(quiet=quiet), curve)
+    with journal:
+        try:
+            solution = solve(scene, comm, monitor, journal)
+        except BaseException:
+            if curve is not None:
+                save_accepted(folder, scene, curve, monitor)
+            raise
+    lines: list[str] = []
+    with raise_together(comm):
+        if comm.rank == 0:
+            lines = write_results(folder, solution)
+    return lines
+
+
+def open_folder(folder: Path, scene: Scene, *, resume: bool) -> tuple[Journal, CurveFile]:
+    """Make the folder ready; its journal, and its curve with what a resumed run already has.
+
+    Raises OutputError: see `prepare`, `Journal.start` and `Journal.resume`.
+    """
+    path = folder / JOURNAL
+    owned = is_journal(path)
+    prepare(folder, owned=owned)
+    if resume and owned:
+        journal = Journal.resume(path, scene)
+    else:
+        journal = Journal.start(path, scene, replace=(folder / SUMMARY).exists())
+        clear(folder)
+    write_scene(folder, scene)
+    return journal, CurveFile(folder, [record for record, _ in journal.records()])
+
+
+def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor) -> None:
+    """Keep the interface of a run that ends early; a second failure must not hide the first."""
+    with suppress(MacrofitError):
+        monitor.finished()
+    with suppress(MacrofitError):
+        if curve.records:
+            write_interface(folder, scene, seat_ends(scene), curve.records)
+
+
+def write_results(folder: Path, solution: Solution) -> list[str]:
+    """Write what is left when all increments are done; gives the closing words."""
+    from .figures.curves import write_figures
+
+    numbers = summary(solution)
+    write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
+    write_fields(folder, solution)
+    write_summary(folder, numbers)
+    write_figures(folder, solution)
+    return [*sentences(numbers), f"Files           {folder}"]

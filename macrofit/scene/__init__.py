@@ -1,0 +1,17 @@
+"""Scenes: the tables of TOML, read, checked, written back."""
+
+from .keys import Disc, Drawn, Hub, Scene, Shaft
+from .load import build_scene, dump_scene, json_schema, load_scene, scene_names
+
+__all__ = [
+    "Disc",
+    "Drawn",
+    "Hub",
+    "Scene",
+    "Shaft",
+    "build_scene",
+    "dump_scene",
+    "json_schema",
+    "load_scene",
+    "scene_names",
+]

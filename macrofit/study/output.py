@@ -1,0 +1,210 @@
+"""The files of a study: a row per run, a column per curve, the totals, the figures; and what is said meanwhile."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from ..base.files import replacing, writing
+from ..errors import OutputError
+from ..results.folder import JOURNAL, prepare
+from ..results.summary import versions
+from ..solution import Extreme
+from .fields import FIELDS
+from .plan import Plan, PlannedRun
+from .record import RunRecord, StudyFile, held_digests, is_study, total
+from .statistics import BODIES, measured_samples, statistics, varied
+
+STUDY_FILE, ROWS, CURVES, TOTALS, RUNS = "study.bin", "study.csv", "curves.csv", "study.json", "runs"
+COUNTERS = ("newton_iterations", "provider_calls", "pairs_asked")
+SAY_EVERY_S = 2.0
+
+
+def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
+    """Make the folder ready; with ``resume`` the finished runs in it count.
+
+    Raises OutputError: it holds something else, or unfinished runs of this study that ``resume`` would use.
+    """
+    path = folder / STUDY_FILE
+    owned = is_study(path)
+    prepare(folder, owned=owned)
+    if not resume and owned and not (folder / TOTALS).exists():
+        held = held_digests(path) & {run.digest for run in plan.runs}
+        if held:
+            raise OutputError(
+                f"{folder}: holds an unfinished study with {len(held)} of these runs; continue it with --resume, "
+                f"choose another folder with -o, or delete this one"
+            )
+    kept = StudyFile(path, replace=not resume)
+    if resume:  # what is there stays until it is written anew: a run may still be refused
+        return kept
+    with writing(folder):
+        for stale in (folder / ROWS, folder / CURVES, folder / TOTALS, *folder.glob("*.png")):
+            stale.unlink(missing_ok=True)
+        shutil.rmtree(folder / FIELDS, ignore_errors=True)
+        for journal in (folder / RUNS).glob(f"*/{JOURNAL}"):
+            shutil.rmtree(journal.parent)
+    return kept
+
+
+def run_folder(folder: Path, run: PlannedRun) -> Path:
+    """Where `--keep` puts a run."""
+    return folder / RUNS / f"{run.number:04d}"
+
+
+def write_study(
+    folder: Path,
+    plan: Plan,
+    records: Sequence[RunRecord],
+    *,
+    computed: int,
+    costs: Sequence[tuple[int, int, float]],
+) -> list[str]:
+    """Write study.csv, curves.csv, study.json and the figures; gives the closing words.
+
+    costs: per rank, factorisations of bodies, assemblies and their CPU time [s], of this session alone.
+    """
+    from .figures import write_study_figures
+
+    with replacing(folder / ROWS) as draft:
+        draft.write_text(_csv([_columns(plan), *(_row(plan, *pair) for pair in zip(plan.runs, records, strict=True))]))
+    with replacing(folder / CURVES) as draft:
+        draft.write_text(_csv(_curves(plan, records)))
+    figures = write_study_figures(folder, plan, records)
+    numbers = _totals(plan, records, computed, costs)
+    with replacing(folder / TOTALS) as draft:  # last: its presence says that the study is complete
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(numbers), indent=2) + b"\n")
+    return [*_sentences(plan, records, numbers), f"Figures         {', '.join(path.name for path in figures)}",
+            f"Files           {folder}"]  # fmt: skip
+
+
+class StudyProgress:
+    """One line per finished run, at most every SAY_EVERY_S where there are many; with the time left."""
+
+    def __init__(self, plan: Plan, *, already: int, quiet: bool) -> None:
+        self.labels = {run.digest: run.label for run in plan.runs}
+        self.total, self.count, self.already, self.quiet = len(self.labels), already, already, quiet
+        self._begin, self._said = time.monotonic(), 0.0
+        if already and not quiet:
+            print(f"{already} of {self.total} runs are there already", flush=True)
+
+    def finished(self, record: RunRecord) -> None:
+        """A run has come in."""
+        self.count += 1
+        now = time.monotonic()
+        last = self.count == self.total
+        if self.quiet or (self.total > 20 and not last and now - self._said < SAY_EVERY_S):
+            return
+        self._said = now
+        each = (now - self._begin) / (self.count - self.already)
+        remaining = "" if last else f"  {_duration(each * (self.total - self.count))} left"
+        force, place = record.peak
+        print(
+            f"run {self.count:{len(str(self.total))}d}/{self.total}  peak {force / 1e3:10.6g} kN at {place:.6g} mm"
+            f"  {self.labels[record.digest]}{remaining}",
+            file=sys.stdout, flush=True,
+        )  # fmt: skip
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def _columns(plan: Plan) -> list[str]:
+    return [
+        "run", "label", *plan.keys, "peak_force_N", "peak_force_displacement_mm", "final_force_N",
+        *(f"{body}_{name}" for body in BODIES for name in ("max_von_mises_MPa", "r_mm", "z_mm", "displacement_mm")),
+        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "cpu_s",
+    ]  # fmt: skip
+
+
+def _row(plan: Plan, run: PlannedRun, record: RunRecord) -> list[str]:
+    force, place = record.peak
+    cells = [str(run.number), run.label, *(run.values.get(key, "") for key in plan.keys)]
+    cells += [repr(force), repr(place), repr(record.force_N[-1])]
+    for body in BODIES:
+        cells += _place(record.max_von_mises.get(body))
+    cells += [str(len(record.force_N)), *(str(record.counters.get(name, "")) for name in COUNTERS)]
+    return [*cells, str(record.cutbacks), str(record.unconverged), f"{record.cpu_s:.3f}"]
+
+
+def _place(at: Extreme | None) -> list[str]:
+    return [""] * 4 if at is None else [repr(v) for v in (at.value, at.r_mm, at.z_mm, at.displacement_mm)]
+
+
+def _curves(plan: Plan, records: Sequence[RunRecord]) -> list[list[str]]:
+    """Displacement [mm] and a column of forces [N] per run; runs of different motions each have both columns."""
+    forces = [[repr(force) for force in record.force_N] for record in records]
+    places = [[repr(place) for place in record.displacement_mm] for record in records]
+    names = [f"force_N run {run.number}: {run.label}".rstrip(": ") for run in plan.runs]
+    if all(place == places[0] for place in places):
+        columns, head = [places[0], *forces], ["displacement_mm", *names]
+    else:
+        columns = [column for pair in zip(places, forces, strict=True) for column in pair]
+        head = [name for run, force in zip(plan.runs, names, strict=True)
+                for name in (f"displacement_mm run {run.number}", force)]  # fmt: skip
+    return [head, *(list(row) for row in zip_longest(*columns, fillvalue=""))]
+
+
+def _totals(
+    plan: Plan, records: Sequence[RunRecord], computed: int, costs: Sequence[tuple[int, int, float]]
+) -> dict[str, Any]:
+    sample = varied(plan, records)
+    different = list({record.digest: record for record in records}.values())
+    return {
+        "scene": plan.source,
+        "title": plan.title,
+        "keys": list(plan.keys),
+        "runs": [
+            {"run": run.number, "label": run.label, "values": run.values, "provider": run.scene.friction.provider,
+             "options": run.scene.friction.options} for run in plan.runs
+        ],
+        "statistics": {name: statistics(values) for name, values in measured_samples(sample).items()},
+        "computed_runs": computed,
+        "resumed_runs": len(different) - computed,
+        "ranks": len(costs),
+        "assemblies_per_rank": [each[1] for each in costs],
+        "factorisations_per_rank": [each[0] for each in costs],  # of bodies, in this session
+        "assembly_cpu_s": sum(each[2] for each in costs),
+        "runs_cpu_s": sum(record.cpu_s for record in different),
+        "newton_iterations": total(different, "newton_iterations"),
+        "pairs_asked": total(different, "pairs_asked"),
+        "unconverged_increments": sum(record.unconverged for record in different),
+        "versions": versions(),
+    }  # fmt: skip
+
+
+def _sentences(plan: Plan, records: Sequence[RunRecord], numbers: dict[str, Any]) -> list[str]:
+    each = numbers["runs_cpu_s"] / len({run.digest for run in plan.runs})
+    assemblies, factorisations = (max(numbers[f"{what}_per_rank"]) for what in ("assemblies", "factorisations"))
+    times = "once" if assemblies == 1 else f"{assemblies} times"
+    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each; bodies assembled {times} on a rank, "
+             f"{factorisations} factorisations"]  # fmt: skip
+    words = {"peak_force_N": ("Peak force", 1e-3, "kN"), "axle_max_von_mises_MPa": ("Stress, axle", 1.0, "MPa"),
+             "wheel_max_von_mises_MPa": ("Stress, wheel", 1.0, "MPa")}  # fmt: skip
+    for name, (word, scale, unit) in words.items():
+        found = numbers["statistics"].get(name)
+        if found is not None:
+            low, mean, high = (scale * found[key] for key in ("min", "mean", "max"))
+            several = f"{low:.5g} to {high:.5g} {unit}, mean " if found["runs"] > 1 else ""
+            lines.append(f"{word:<15} {several}{mean:.5g} {unit}")
+    if numbers["unconverged_increments"]:
+        lines.append(f"Not converged   {numbers['unconverged_increments']} increments")
+    return lines

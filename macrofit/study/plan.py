@@ -1,0 +1,188 @@
+"""What a study computes: a scene for every combination of the varied values, and for every reference."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import re
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from .. import __version__
+from ..errors import MacrofitError, SceneError
+from ..friction import BuildContext, registry
+from ..results.journal import VERSION, file_digests
+from ..scene import Scene, load_scene
+
+MOST_RUNS = 100_000
+EXAMPLE = "for example friction.options.micro_friction=0.01,0.03 or friction.options.seed=1:200"
+RANGE = re.compile(r"\s*(-?\d+):(-?\d+)(?::(\d+))?\s*")
+BRACKETS = {"[": 1, "{": 1, "(": 1, "]": -1, "}": -1, ")": -1}
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of a study."""
+
+    number: int  # from 1 on
+    label: str
+    values: dict[str, str]  # varied key -> value as written; empty for a reference
+    scene: Scene
+    digest: str  # of everything that determines the run
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return f"run {self.number} ({self.label})" if self.label else f"run {self.number}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All runs of a study: the references first, then the product of the values, the last key varying fastest."""
+
+    source: str
+    title: str
+    keys: tuple[str, ...]
+    runs: tuple[PlannedRun, ...]
+
+
+def plan_study(
+    source: str | Path, vary: Sequence[str], overrides: Iterable[str] = (), references: Sequence[str] = ()
+) -> Plan:
+    """The runs of a study of ``source``, every scene decoded and checked, its provider's options too.
+
+    vary: "key=v1,v2,..." each; a value may be a range of integers, "1:200" or "1:200:10", both ends included.
+    overrides: "key=value" each, for all runs. references: see `reference_overrides`.
+
+    Raises SceneError or ProviderError with one line that names the key.
+    """
+    varied = [parse_vary(text) for text in vary]
+    keys = tuple(key for key, _ in varied)
+    for key in keys:
+        if keys.count(key) > 1:
+            raise SceneError(f"--vary {key}: given more than once; write all its values after one --vary")
+    count = 1
+    for _, values in varied:
+        count *= len(values)
+    if count > MOST_RUNS:
+        raise SceneError(f"--vary: {count} runs are asked for, more than {MOST_RUNS}")
+    common = list(overrides)
+    runs: list[PlannedRun] = []
+    for text in references:
+        label, own = reference_overrides(text)
+        runs.append(_planned(len(runs) + 1, label, {}, source, [*common, *own]))
+    for combination in itertools.product(*(values for _, values in varied)):
+        chosen = dict(zip(keys, combination, strict=True))
+        label = ", ".join(f"{_short(key, keys)} = {value}" for key, value in chosen.items())
+        own = [f"{key}={value}" for key, value in chosen.items()]
+        runs.append(_planned(len(runs) + 1, label, chosen, source, [*common, *own]))
+    _no_twins(runs)
+    return Plan(str(source), load_scene(source, common).title, keys, tuple(runs))
+
+
+def parse_vary(text: str) -> tuple[str, list[str]]:
+    """Key and values of "key=v1,v2,...". Raises SceneError."""
+    key, equals, listed = text.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        raise SceneError(f"--vary '{text}': write key=v1,v2,..., {EXAMPLE}")
+    values: list[str] = []
+    for part in split_outside(listed):
+        span = RANGE.fullmatch(part)
+        if span:
+            values += _integers(key, part.strip(), *(int(each) for each in span.groups(default="1")))
+        elif part.strip():
+            values.append(part.strip())
+        else:
+            raise SceneError(f"--vary {key}: {'an empty value' if listed.strip() else 'no value'}; {EXAMPLE}")
+    twice = [value for value, count in Counter(values).items() if count > 1]
+    if twice:
+        raise SceneError(f"--vary {key}: {twice[0]} is given twice")
+    return key, values
+
+
+def reference_overrides(text: str) -> tuple[str, list[str]]:
+    """Label and overrides of a reference: "uniform=0.11", or "key=value,..." as for --set. Raises SceneError."""
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip() or not value.strip():
+        raise SceneError(f"--reference '{text}': write uniform=0.11, or key=value,key=value,... as for --set")
+    if name.strip() == "uniform":
+        return f"uniform {value.strip()}", [
+            "friction.provider=uniform", f"friction.options={{coefficient={value.strip()}}}"
+        ]  # fmt: skip
+    return text.strip(), [part.strip() for part in split_outside(text)]
+
+
+def split_outside(text: str) -> list[str]:
+    """Parts of a text between commas that are in no bracket and no quotation marks."""
+    parts, depth, quote = [""], 0, ""
+    for sign in text:
+        if quote:
+            quote = "" if sign == quote else quote
+        elif sign in "\"'":
+            quote = sign
+        else:
+            depth += BRACKETS.get(sign, 0)
+        if sign == "," and depth == 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    return parts
+
+
+def digest(scene: Scene) -> str:
+    """SHA-256 of a scene, the content of all files it names and the versions of macrofit and of its states."""
+    whole = msgspec.json.encode([__version__, VERSION, scene, file_digests(scene)], order="deterministic")
+    return hashlib.sha256(whole).hexdigest()
+
+
+def _integers(key: str, text: str, first: int, last: int, step: int) -> list[str]:
+    if first > last or step < 1:
+        raise SceneError(f"--vary {key}: the range {text} is empty; write first:last with first <= last")
+    if (last - first) // step >= MOST_RUNS:
+        raise SceneError(f"--vary {key}: the range {text} has more than {MOST_RUNS} values")
+    return [str(value) for value in range(first, last + 1, step)]
+
+
+def _planned(number: int, label: str, values: dict[str, str], source: str | Path, overrides: list[str]) -> PlannedRun:
+    what = f"run {number} ({label}): " if label else ""
+    try:
+        scene = load_scene(source, overrides)
+        _try_friction(scene)
+    except MacrofitError as error:
+        hint = ""
+        if "unknown option of friction provider" in str(error):
+            hint = "; another provider is chosen with --set friction.provider=NAME"
+        raise type(error)(f"{what}{error}{hint}") from error
+    return PlannedRun(number, label, values, scene, digest(scene))
+
+
+def _try_friction(scene: Scene) -> None:
+    """Build the provider once, so that a value it refuses is known before anything runs. Raises ProviderError."""
+    material = scene.axle.material
+    context = BuildContext(
+        seat_tiles=1, bore_tiles=1, youngs_modulus=material.youngs_modulus, poisson_ratio=material.poisson_ratio
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when it runs
+        registry.build(scene.friction.provider, scene.friction.options, context)
+
+
+def _no_twins(runs: Sequence[PlannedRun]) -> None:
+    """A reference may be one of the runs it is compared with; it is computed once."""
+    seen: dict[str, PlannedRun] = {}
+    for run in (run for run in runs if run.values):
+        twin = seen.setdefault(run.digest, run)
+        if twin is not run:
+            raise SceneError(f"{twin.name} and {run.name} are the same scene; leave one of them out")
+
+
+def _short(key: str, keys: Sequence[str]) -> str:
+    """The last part of a key, where no other has the same."""
+    last = key.rpartition(".")[2]
+    return last if sum(other.rpartition(".")[2] == last for other in keys) == 1 else key

@@ -1,0 +1,145 @@
+"""What a study keeps of a run, and the file that keeps it, safe against a kill."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from ..base.arrays import FloatArray
+from ..base.files import append_whole, writing
+from ..errors import OutputError
+from ..results.encoding import frame, frames
+from ..solution import Extreme, Solution
+
+MAGIC = b"macrofit study 1\n"
+
+
+class RunRecord(msgspec.Struct, frozen=True):
+    """A finished run: its curve and its largest values."""
+
+    digest: str
+    displacement_mm: list[float]
+    force_N: list[float]  # noqa: N815 - the unit newton
+    max_von_mises: dict[str, Extreme]  # "axle", "wheel"
+    counters: dict[str, int]
+    cutbacks: int
+    unconverged: int
+    cpu_s: float
+
+    @staticmethod
+    def of(digest: str, solution: Solution, cpu_s: float) -> RunRecord:
+        """What is kept of a solution."""
+        return RunRecord(
+            digest,
+            solution.displacement.tolist(),
+            solution.force.tolist(),
+            dict(solution.max_von_mises),
+            dict(solution.counters),
+            sum(record.cutbacks for record in solution.increments),
+            sum(not record.converged for record in solution.increments),
+            cpu_s,
+        )
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Displacements of the increments [mm]."""
+        return np.array(self.displacement_mm)
+
+    @property
+    def force(self) -> FloatArray:
+        """Pushing force at the increments [N]."""
+        return np.array(self.force_N)
+
+    @property
+    def peak(self) -> tuple[float, float]:
+        """Largest force [N] and its displacement [mm]."""
+        top = int(np.argmax(self.force))
+        return self.force_N[top], self.displacement_mm[top]
+
+
+class StudyFile:
+    """An append-only file of finished runs, one frame each; a kill can only tear the last one."""
+
+    def __init__(self, path: Path, *, replace: bool) -> None:
+        """Open or make the file, and read what it holds unless it is to be replaced.
+
+        Raises OutputError: it is in use, is not of a study, is damaged, or cannot be written.
+        """
+        self.path = path
+        self.records: dict[str, RunRecord] = {}
+        with writing(path):
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            _lock(self._descriptor, path)
+            held = b"" if replace else path.read_bytes()
+            end = self._read(held) if held else 0
+            with writing(path):
+                os.ftruncate(self._descriptor, end)
+                if not end:
+                    append_whole(self._descriptor, MAGIC)
+        except BaseException:
+            self.close()
+            raise
+
+    def append(self, record: RunRecord) -> None:
+        """Keep one more. Raises OutputError; what was kept before stays."""
+        with writing(self.path):
+            append_whole(self._descriptor, frame(msgspec.msgpack.encode(record)))
+        self.records[record.digest] = record
+
+    def close(self) -> None:
+        """Release the file."""
+        os.close(self._descriptor)
+
+    def _read(self, held: bytes) -> int:
+        """Fill the records; gives the place where the last whole one ends."""
+        if not held.startswith(MAGIC):
+            raise OutputError(f"{self.path}: is not of a study of this version of macrofit; choose another folder")
+        end = len(MAGIC)
+        try:
+            for content, place in frames(held, end):
+                record = msgspec.msgpack.decode(content, type=RunRecord)
+                self.records[record.digest] = record
+                end = place
+        except (ValueError, msgspec.MsgspecError) as error:
+            raise OutputError(f"{self.path}: {error}; start again without --resume") from None
+        return end
+
+
+def is_study(path: Path) -> bool:
+    """Whether the file is there and starts as one of a study does."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
+def held_digests(path: Path) -> set[str]:
+    """Digests of the runs in a file that may be damaged or missing."""
+    try:
+        data = path.read_bytes()
+        return {msgspec.msgpack.decode(content, type=RunRecord).digest for content, _ in frames(data, len(MAGIC))}
+    except (OSError, ValueError, msgspec.MsgspecError):
+        return set()
+
+
+def total(records: Iterable[RunRecord], counter: str) -> int:
+    """Sum of a counter over runs."""
+    return sum(record.counters.get(counter, 0) for record in records)
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OutputError(
+            f"{path}: another study is writing it; wait for it, or choose another folder with -o"
+        ) from None
+    except OSError:  # a file system without locks
+        pass

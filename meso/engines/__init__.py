@@ -1,0 +1,1 @@
+"""What moves the plates: quasi-static increments or explicit time steps."""

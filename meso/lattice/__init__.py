@@ -1,0 +1,1 @@
+"""The lattice of beams between the spheres, its contacts and its factorisation."""

@@ -1,0 +1,1 @@
+"""Spheres packed into a plate."""

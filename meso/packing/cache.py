@@ -1,0 +1,69 @@
+"""Flat packings, made once: kept in memory, and on disk in a form that a kill or a second process cannot spoil."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import OutputError
+from ..files import cache_folder, replacing
+from ..surfaces import surface
+from ..surfaces.surface import Surface, generator
+from . import kernels as packing_kernels
+from . import pack as packing
+from .pack import Packing, pack
+
+
+@functools.lru_cache(maxsize=32)
+def flat_packing(spheres: int, size: tuple[float, float], thickness: float, seed: int) -> Packing:
+    """The flat packing of these numbers: from memory, from the cache on disk, or made and stored there.
+
+    A file that is damaged is made again, and a folder that cannot be written is done without; both say so in a
+    warning. The file's name holds a hash of the arguments and of the code that packs.
+
+    Raises:
+        PackingError: as `meso.packing.pack.pack`.
+    """
+    file = cache_folder() / "packings" / f"{_key(spheres, size, thickness, seed)}.npz"
+    stored = _read(file, size, thickness)
+    if stored is not None:
+        return stored
+    made = pack(generator("packing", seed, spheres), spheres=spheres, size=size, thickness=thickness)
+    try:
+        with replacing(file) as draft:
+            np.savez(draft, centres=made.centres, radii=made.radii)
+    except OutputError as error:
+        warnings.warn(f"packings are not kept, MACROFIT_CACHE may name another folder: {error}", stacklevel=2)
+    return made
+
+
+def _read(file: Path, size: tuple[float, float], thickness: float) -> Packing | None:
+    try:
+        with np.load(file, allow_pickle=False) as data:
+            centres, radii = data["centres"], data["radii"]
+        if centres.shape != (len(radii), 3) or not (np.isfinite(centres).all() and np.all(radii > 0.0)):
+            raise ValueError("not a packing")
+        if len(radii) == 0 or np.any(centres < 0.0) or np.any(centres > np.array([*size, thickness])):
+            raise ValueError("spheres outside their box")
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+        warnings.warn(f"{file} is damaged and is made again ({error})", stacklevel=3)
+        return None
+    return Packing(centres, radii, Surface.flat(size), thickness)
+
+
+def _key(*numbers: object) -> str:
+    return hashlib.sha256(repr((numbers, _code())).encode()).hexdigest()[:24]
+
+
+@functools.lru_cache(maxsize=1)
+def _code() -> str:
+    files = [Path(str(module.__file__)) for module in (packing, packing_kernels, surface)]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

@@ -1,0 +1,206 @@
+"""What a friction test says in numbers and in words."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import metadata
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from ..friction_test import FrictionTest
+from ..material import Beams, Material
+from ..packing.pack import Packing
+from ..plates import Plates
+from ..records import UNBALANCED, Slide
+from ..surfaces.roughness import Roughness, measure
+from ..surfaces.surface import Surface
+
+PAPER = "Lalleman et al. report about 0.11 for micro 0.07; sliding in equilibrium, this model gives 0.05 to 0.09"
+
+
+class Affine(NamedTuple):
+    """mu_meso = a mu_micro + b, by least squares over the slides."""
+
+    a: float
+    b: float
+    largest_residual: float
+
+
+def affine(slides: Sequence[Slide]) -> Affine | None:
+    """The affine fit, or None for fewer than two micro coefficients or where contact was lost for good."""
+    micro, meso = np.array([(each.micro_friction, each.curve.coefficient) for each in slides]).T
+    if len(set(micro)) < 2 or not np.isfinite(meso).all():
+        return None
+    terms = np.stack([micro, np.ones_like(micro)], axis=1)
+    (a, b), *_ = np.linalg.lstsq(terms, meso, rcond=None)
+    return Affine(float(a), float(b), float(np.abs(terms @ [a, b] - meso).max()))
+
+
+def summary(test: FrictionTest, run_cpu_s: float) -> dict[str, Any]:
+    """The numbers of summary.json, keys with their units; without slides there is none.
+
+    What belongs to a slide is that of the first micro coefficient, and `slides` holds them all. A number that does
+    not exist is None. `run_cpu_s` is the CPU time of everything after the plates: `setup_cpu_s` is part of it.
+    """
+    plates, fit = test.plates, affine(test.slides)
+    bodies = {"wheel": plates.wheel_packing, "axle": plates.axle_packing}
+    return {
+        "title": test.settings.title,
+        **slide_numbers(test.slides[0]),
+        "spheres": plates.lattice.nodes,
+        "bonds": len(plates.lattice.cols),
+        "packing_cpu_s": test.packing_cpu_s,
+        "setup_cpu_s": test.setup_cpu_s,
+        "run_cpu_s": run_cpu_s,
+        "slides": [slide_numbers(each) for each in test.slides],
+        "affine_fit": None if fit is None else fit._asdict(),
+        "packing": {body: packing_numbers(packing) for body, packing in bodies.items()},
+        "roughness": {body: roughness_numbers(packing.surface) for body, packing in bodies.items()},
+        "beams": msgspec.to_builtins(plates.beams),
+        "fingerprint": test.settings.fingerprint,
+        "versions": versions(),
+    }
+
+
+def slide_numbers(slide: Slide) -> dict[str, Any]:
+    """What a summary says about one slide."""
+    curve, work = slide.curve, slide.work
+    explicit = slide.bond_steps > 0 and slide.cpu_s > 0.0
+    account = {f"{name}_N_mm": value for name, value in msgspec.to_builtins(work).items()}
+    return {
+        "micro_friction": slide.micro_friction,
+        "meso_friction": curve.coefficient,
+        "meso_friction_mean_of_ratio": curve.mean_of_ratio,
+        "uncertainty": curve.uncertainty,
+        "engine": slide.engine,
+        "steps": slide.steps,
+        "bond_steps_per_s": slide.bond_steps / slide.cpu_s if explicit else None,
+        "unconverged_increments": slide.unconverged_increments,
+        "largest_residual": slide.largest_residual,
+        "mean_normal_force_N": curve.mean_normal,
+        "mean_tangential_force_N": curve.mean_tangential,
+        "approach_mm": float(slide.squeeze.displacement[-1]),
+        "work": account | {"imbalance": work.imbalance},
+        "broken_beams": 0 if slide.breaks is None else len(slide.breaks.time),
+        "slide_cpu_s": slide.cpu_s,
+        "remark": slide.remark or None,
+    }
+
+
+def packing_numbers(packing: Packing) -> dict[str, Any]:
+    """Measures of a packed plate."""
+    mean, deviation = packing.envelope_error()
+    return {
+        "spheres": len(packing.radii),
+        "bonds": len(packing.contacts),
+        "mean_radius_mm": float(packing.radii.mean()),
+        "solid_fraction": packing.solid_fraction,
+        "coordination": packing.coordination,
+        "largest_overlap": packing.largest_overlap,
+        "envelope_mean_error_mm": mean,
+        "envelope_error_sd_mm": deviation,
+    }
+
+
+def roughness_numbers(surface: Surface) -> dict[str, float]:
+    """Measures of a rough face, keys with their units."""
+    return {
+        f"{name}_mm" if name in ("Sa", "Sq", "Sz") else name: value for name, value in asdict(measure(surface)).items()
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes; nothing is imported for it, and what is not installed is left out."""
+    found = {"python": platform.python_version()}
+    for name in ("macrofit", "numpy", "scipy", "numba"):
+        version = getattr(sys.modules.get(name), "__version__", None)
+        try:
+            found[name] = version or metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def settings_of(material: Material, beams: Beams) -> str:
+    """TOML of a run with these beams."""
+    lines = ["# Beams found by macrofit-meso calibrate. mm, N, MPa, t, s."]
+    for name, table in (("material", material), ("beams", beams)):
+        lines += ["", f"[{name}]", *(f"{key} = {value!r}" for key, value in msgspec.structs.asdict(table).items())]
+    return "\n".join(lines) + "\n"
+
+
+def slide_line(slide: Slide) -> str:
+    """One slide on one line, for the progress."""
+    curve = slide.curve
+    line = f"Micro {slide.micro_friction:<8g}meso {curve.coefficient:.4f} ± {curve.uncertainty:.4f}, {slide.engine}"
+    return f"{line}, {slide.steps} {'steps' if slide.bond_steps else 'increments'}"
+
+
+def plates_line(plates: Plates) -> str:
+    """The plates on one line, for the progress."""
+    lattice = plates.lattice
+    return f"Plates        {lattice.nodes} spheres, {len(lattice.cols)} beams"
+
+
+def sentences(numbers: dict[str, Any]) -> list[str]:
+    """A summary in a few lines for people."""
+    lines = [_verdict(each) for each in numbers["slides"]]
+    if any(np.isfinite(each["uncertainty"]) for each in numbers["slides"]):
+        lines.append("Uncertainty     ± is the standard error along the slide, by which surfaces of this kind scatter")
+    fit = numbers["affine_fit"]
+    if fit is not None:
+        line = f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}"
+        off = f", off by {fit['largest_residual']:.1g} at most" if len(numbers["slides"]) > 2 else ""
+        lines.append(line + off)
+    if any(each["micro_friction"] == 0.07 and not each["broken_beams"] for each in numbers["slides"]):
+        lines.append(f"Compare         {PAPER}")
+    for each in numbers["slides"]:
+        if each["broken_beams"]:
+            lines.append(f"Broken beams    micro {each['micro_friction']:g}: {each['broken_beams']}")
+        rest = abs(each["work"]["imbalance"])
+        if rest > UNBALANCED:
+            lines.append(
+                f"Balance         micro {each['micro_friction']:g}: {rest:.0%} of the work is unaccounted for: take a "
+                "smaller engine.increment or another engine, and do not rely on it"
+            )
+        if each["remark"]:
+            lines.append(f"Remark          micro {each['micro_friction']:g}: {each['remark']}")
+    engines = " and ".join(dict.fromkeys(each["engine"] for each in numbers["slides"]))
+    lines.append(
+        f"Engine          {engines}; {numbers['packing_cpu_s']:.2f} s of CPU for the plates, "
+        f"{numbers['run_cpu_s']:.2f} s for the rest"
+    )
+    return lines
+
+
+def _verdict(each: dict[str, Any]) -> str:
+    micro = f"{each['micro_friction']:g}"
+    if not np.isfinite(each["meso_friction"]):
+        return f"Meso friction   none for micro {micro}: the plates do not touch while they slide, squeeze them more"
+    return (
+        f"Meso friction   {each['meso_friction']:.4f} ± {each['uncertainty']:.4f} for micro {micro}: "
+        f"mean T {each['mean_tangential_force_N']:.4g} N over mean N {each['mean_normal_force_N']:.4g} N"
+    )
+
+
+def roughness_line(surface: Surface) -> str:
+    """Measures of a rough face for people, on one line."""
+    r: Roughness = measure(surface)
+    hurst = f"{r.hurst_exponent:.2f}" if np.isfinite(r.hurst_exponent) else "not known on so few points"
+    heights = ", ".join(f"{name} {1e3 * getattr(r, name):.3g} µm" for name in ("Sa", "Sq", "Sz"))
+    return f"{heights}, Sdq {r.Sdq:.3g}, Hurst exponent {hurst}"
+
+
+def packing_line(packing: Packing) -> str:
+    """Measures of a packed plate for people, on one line."""
+    numbers = packing_numbers(packing)
+    return (
+        f"{numbers['spheres']} spheres of {1e3 * numbers['mean_radius_mm']:.1f} µm in mean radius, "
+        f"{numbers['bonds']} beams, solid fraction {numbers['solid_fraction']:.3f}, coordination "
+        f"{numbers['coordination']:.2f}, largest overlap {numbers['largest_overlap']:.1%}"
+    )

@@ -1,0 +1,1 @@
+"""Rough surfaces: made from a seed, measured, closed to a hull."""

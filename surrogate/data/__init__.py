@@ -1,0 +1,1 @@
+"""The database of friction tests: design, farm, file, table."""

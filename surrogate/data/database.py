@@ -1,0 +1,302 @@
+"""The database of friction tests the network learns from: an HDF5 file, and a journal while it is being filled.
+
+    FILE.h5           root attributes (see `Header`); group `samples`, a dataset for each field of `Samples`, one row
+                      per sample in the order of their end; group `failures`, `id` and `reason`
+    FILE.h5.journal   the samples that ended since: a signature, a frame with the header, a frame for each sample
+
+A sample that ends is appended to the journal and forced onto the disk. When the journal has grown, a copy of the HDF5
+file takes its samples and then the place of the file; a new journal follows. A kill at any moment leaves a whole HDF5
+file, and a journal of which at most the last frame is torn; what both hold is counted once. `read` gives the samples
+of both at any time, also while they are written. Nothing is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import DatabaseError
+from .journal import Content, Failure, Sample, append, force, journal_of, lock, read_journal, start, writing
+from .samples import SCHEMA, Header, Samples, content_hash, digests
+
+__all__ = ["Database", "Header", "Samples", "Writer", "content_hash", "open_database", "read", "stock"]
+
+FORMAT = "macrofit-surrogate database"
+JOURNALLED = 500
+"""Samples in the journal, at least, before the HDF5 file takes them; later a tenth of what the file holds."""
+LONGEST_REASON = 400
+"""Bytes of the reason of a failure that the HDF5 file keeps."""
+_DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
+"""What h5py raises on a file that is not what it should be."""
+
+
+@dataclass(frozen=True)
+class Database:
+    """What `read` found."""
+
+    header: Header
+    samples: Samples
+    failures: dict[int, str]
+    """Reason of each sample that could not be computed, by id."""
+    content_hash: str
+    """Of all samples by id, but for the time they took; the same however they were stored. (Code that numba has just
+    compiled may round another way than the same code from its cache: 1e-15 of a coefficient, and another hash.)"""
+
+
+def read(path: Path) -> Database:
+    """All samples of a database and its journal, also of one that is being filled.
+
+    Raises:
+        DatabaseError: there is none, or it is foreign, damaged, or of another schema.
+    """
+    # the journal first: what leaves it meanwhile is found in the HDF5 file
+    journal = read_journal(journal_of(path)) if journal_of(path).exists() else None
+    if not path.exists():
+        if journal is None:
+            raise DatabaseError(f"{path}: there is no such database; macrofit-surrogate generate makes one")
+        header, content, _ = journal
+        samples = {name: content.rows[name] for name in header.row().names or ()}
+        failures = content.failures
+    else:
+        header, samples, failures = _read_file(path)
+        if journal is not None:
+            if journal[0] != header:
+                raise DatabaseError(f"{journal_of(path)}: is the journal of another database; move it away")
+            content = journal[1]
+            new = content.rows[~np.isin(content.rows["id"], samples["id"])]
+            samples = {name: np.concatenate([stored, new[name]]) for name, stored in samples.items()}
+            failures |= content.failures
+    order = np.argsort(samples["id"], kind="stable")
+    taken = Samples(**{name: samples.pop(name)[order] for name in list(samples)})  # one column twice in memory, not all
+    if len(taken) > 1 and np.any(np.diff(taken.id) == 0):
+        raise DatabaseError(f"{path}: sample {taken.id[:-1][np.diff(taken.id) == 0][0]} is there twice; make it anew")
+    return Database(header, taken, dict(sorted(failures.items())), content_hash(taken))
+
+
+def stock(path: Path) -> list[str]:
+    """What a whole database holds, in words.
+
+    Raises:
+        DatabaseError: as `read`.
+    """
+    with _opened(path) as (file, header):
+        order = np.argsort(file["samples/id"][:], kind="stable")
+        content = hashlib.sha256(file["samples/sha256"][:][order].tobytes()).hexdigest()
+        reasons = Counter(bytes(why).decode(errors="replace") for why in file["failures/reason"][:])
+    lines = [
+        f"Database        {path}, {path.stat().st_size / 1e6:.1f} MB: {len(order)} samples of "
+        f"{header.micro_frictions} micro coefficients",
+        f"Content         {content[:20]}",
+    ]
+    return lines + [f"Failed          {count}: {why}" for why, count in reasons.most_common(5)]
+
+
+class Writer:
+    """The one process that fills a database; made by `open_database`."""
+
+    def __init__(self, path: Path, header: Header, descriptor: int, content: Content, stored: int) -> None:
+        self.path, self.header = path, header
+        self._descriptor = descriptor
+        self._row = header.row()
+        self._rows: list[bytes] = [row.tobytes() for row in content.rows]
+        self._failures = content.failures
+        self._stored = stored  # samples in the HDF5 file
+
+    def append(self, row: bytes) -> None:
+        """Keep a sample, laid out as `Header.row`.
+
+        Raises:
+            DatabaseError: it cannot be written; all before it are safe.
+        """
+        if len(row) != self._row.itemsize:
+            raise ValueError(f"a sample of {len(row)} bytes, not {self._row.itemsize}")
+        append(self._descriptor, self.path, Sample(row))
+        self._rows.append(row)
+        if len(self._rows) >= max(JOURNALLED, self._stored // 10):
+            self.compact()
+
+    def fail(self, number: int, reason: str) -> None:
+        """Keep the reason of a sample that cannot be computed."""
+        append(self._descriptor, self.path, Failure(number, reason))
+        self._failures[number] = reason
+
+    def compact(self) -> None:
+        """Move what the journal holds into the HDF5 file."""
+        if not self._rows and not self._failures and self.path.exists():
+            return
+        draft = self.path.with_name(f".{self.path.name}.draft")  # one writer: a kill leaves one draft at most
+        with writing(self.path):
+            if self.path.exists():
+                shutil.copyfile(self.path, draft)
+            else:
+                _create(draft, self.header)
+            with h5py.File(draft, "r+") as file:
+                _extend(file, np.frombuffer(b"".join(self._rows), self._row), self._failures)
+                self._stored = len(file["samples/id"])
+            force(draft)
+            os.replace(draft, self.path)
+            force(self.path.parent)
+        old, self._descriptor = self._descriptor, start(journal_of(self.path), self.header)
+        os.close(old)
+        self._rows, self._failures = [], {}
+
+    def close(self) -> None:
+        """Move what the journal holds into the HDF5 file, and take the journal away."""
+        self.compact()
+        with writing(self.path):
+            journal_of(self.path).unlink(missing_ok=True)
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Let go of the journal as it is."""
+        os.close(self._descriptor)
+
+
+@contextmanager
+def open_database(path: Path, header: Header) -> Iterator[tuple[Writer, set[int]]]:
+    """Fill a database, new or begun before with the same header; gives the ids that are there already too.
+
+    When the block ends without an error the journal is gone and the HDF5 file has all.
+
+    Raises:
+        DatabaseError: another header; foreign, damaged or being filled by another process; cannot be written.
+    """
+    journal = journal_of(path)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():  # refuse before anything is made
+        header = _same(path, _read_ids(path)[0], header)
+    descriptor = lock(journal) if journal.exists() else start(journal, header, new=True)
+    try:
+        _, stored, failed = _read_ids(path) if path.exists() else (header, set[int](), set[int]())
+        found, content, end = read_journal(journal)
+        header = _same(journal, found, header)
+        with writing(journal):
+            os.ftruncate(descriptor, end)
+        # a kill between the replacement of the two files leaves the same in both
+        content.rows = content.rows[~np.isin(content.rows["id"], sorted(stored))]
+        content.failures = {number: why for number, why in content.failures.items() if number not in failed}
+        done = stored | failed | set(content.rows["id"].tolist()) | set(content.failures)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    writer = Writer(path, header, descriptor, content, len(stored))
+    try:
+        yield writer, done
+    except BaseException:
+        writer.abandon()
+        raise
+    writer.close()
+
+
+def _same(path: Path, found: Header, asked: Header) -> Header:
+    """The header found, where what is asked for may be added to its samples."""
+    if found.schema != asked.schema:
+        raise DatabaseError(f"{path}: is of schema {found.schema}, not {asked.schema}; choose another file with -o")
+    old, new = json.loads(found.design), json.loads(asked.design)
+    changed = [f"{key} was {old.get(key)}, now {new.get(key)}" for key in new if old.get(key) != new.get(key)]
+    if found.settings != asked.settings:
+        lines = sorted(set(found.settings.splitlines()) - set(asked.settings.splitlines()))
+        changed += [f"the plates had {', '.join(lines) or 'fewer keys'}"]
+    if found.code != asked.code:
+        changed += [f"the code of the plates was {found.code[:8]}, now {asked.code[:8]}"]
+    if changed:
+        raise DatabaseError(f"{path}: was begun otherwise: {'; '.join(changed)}. Choose another file with -o")
+    if msgspec.structs.replace(found, version=asked.version) != asked:
+        raise DatabaseError(f"{path}: has samples of another shape; choose another file with -o")
+    return found
+
+
+def _create(path: Path, header: Header) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs["format"] = FORMAT
+        for name, value in msgspec.structs.asdict(header).items():
+            file.attrs[name] = value
+        row = header.row()
+        columns = {name: row[name] for name in row.names or ()} | {"sha256": np.dtype(("u1", (32,)))}
+        for name, kind in columns.items():
+            heights = kind.base == np.float32
+            file.create_dataset(
+                f"samples/{name}",
+                shape=(0, *kind.shape),
+                maxshape=(None, *kind.shape),
+                chunks=(8 if heights else 128, *kind.shape),
+                dtype=kind.base,
+                **({"compression": "gzip", "shuffle": True} if heights else {}),
+            )
+        for name, kind in (("id", np.dtype("<i8")), ("reason", np.dtype(f"S{LONGEST_REASON}"))):
+            file.create_dataset(f"failures/{name}", shape=(0,), maxshape=(None,), chunks=(64,), dtype=kind)
+
+
+def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None:
+    columns = {name: rows[name] for name in rows.dtype.names or ()}
+    checksums = np.frombuffer(b"".join(digests(columns)), "u1").reshape(-1, 32)
+    reasons = [why.encode()[:LONGEST_REASON] for why in failures.values()]
+    more = {f"samples/{name}": values for name, values in columns.items()}
+    more |= {"samples/sha256": checksums, "failures/id": np.array(list(failures), "<i8")}
+    more |= {"failures/reason": np.array(reasons, f"S{LONGEST_REASON}")}
+    for name, values in more.items():
+        if len(values):
+            dataset = file[name]
+            old = len(dataset)
+            dataset.resize(old + len(values), axis=0)
+            dataset[old:] = values
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
+    """An HDF5 file that says it is a database of this schema; what h5py finds wrong in it names the file."""
+    try:
+        with path.open("rb") as start:
+            signature = start.read(8)
+    except OSError as error:
+        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+    if signature != b"\x89HDF\r\n\x1a\n":
+        raise DatabaseError(f"{path}: is not a database of samples (not an HDF5 file)")
+    try:
+        with h5py.File(path, "r") as file:
+            if str(file.attrs.get("format", "")) != FORMAT:
+                raise DatabaseError(f"{path}: is an HDF5 file, but not a database of samples")
+            if int(file.attrs["schema"]) != SCHEMA:
+                raise DatabaseError(f"{path}: is of schema {file.attrs['schema']}, not {SCHEMA}; make it anew")
+            kinds = {field.name: field.type for field in msgspec.structs.fields(Header)}
+            yield file, Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
+    except DatabaseError:
+        raise
+    except _DAMAGED as error:
+        raise DatabaseError(f"{path}: is damaged or cut short ({error}); move it away and make it anew") from error
+
+
+def _read_ids(path: Path) -> tuple[Header, set[int], set[int]]:
+    """Header, and ids of samples and of failures."""
+    with _opened(path) as (file, header):
+        return header, set(file["samples/id"][:].tolist()), set(file["failures/id"][:].tolist())
+
+
+def _read_file(path: Path) -> tuple[Header, dict[str, npt.NDArray[Any]], dict[int, str]]:
+    with _opened(path) as (file, header):
+        row = header.row()
+        samples = {name: file[f"samples/{name}"][:] for name in row.names or ()}
+        count = len(samples["id"])
+        for name, stored in samples.items():
+            if stored.dtype != row[name].base or stored.shape != (count, *row[name].shape):
+                raise ValueError(f"samples/{name} is {stored.dtype} {stored.shape}")
+        whole = [bytes(stored) for stored in file["samples/sha256"][:]]
+        for number, expected, is_now in zip(samples["id"], whole, digests(samples), strict=True):
+            if expected != is_now:
+                raise ValueError(f"sample {number} does not match its checksum")
+        reasons = [bytes(why).decode(errors="replace") for why in file["failures/reason"][:]]
+        return header, samples, dict(zip(file["failures/id"][:].tolist(), reasons, strict=True))

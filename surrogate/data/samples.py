@@ -1,0 +1,176 @@
+"""What a database holds: the fields of a sample with their units and shapes, and the hash of its content."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from macrofit.base.arrays import FloatArray, HeightArray, IntArray
+
+from ..errors import DatabaseError
+
+SCHEMA = 1
+BLOCK = 256
+"""Samples that are laid out row by row at a time."""
+
+
+class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What all plates of a database have in common, and a network that learns from it cannot know otherwise."""
+
+    spheres: int = 3000
+    edge: float = 1.0
+    """Of the wheel's plate [mm]."""
+    slide: float = 1.0
+    """[mm]."""
+    pressure: float = 170.0
+    """Before the slide [MPa]."""
+    youngs_modulus: float = 210e3
+    """[MPa]."""
+    poisson_ratio: float = 0.3
+
+    @property
+    def load(self) -> float:
+        """Normal force before the slide [N]."""
+        return self.pressure * self.edge**2
+
+
+class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What all samples of a database share."""
+
+    design: str
+    """Options of the design, as JSON."""
+    settings: str
+    """Settings of the plates, as TOML; for what the design varies see the samples."""
+    code: str
+    """Hash of the code that computed the samples."""
+    version: str
+    """Of the package."""
+    micro_frictions: int
+    """k, micro coefficients per sample."""
+    squares: int
+    """Length of the axle's plate over that of the wheel's."""
+    points: int = 33
+    """Of a surface along the edge of the wheel's plate; an envelope has 2 points - 1."""
+    schema: int = SCHEMA
+
+    @property
+    def plates(self) -> Plates:
+        """What the settings say of the plates.
+
+        Raises:
+            DatabaseError: they are no TOML, or lack a key.
+        """
+        try:
+            tables = tomllib.loads(self.settings)
+            where = {"spheres": "plates", "edge": "plates", "slide": "load", "pressure": "load"}
+            keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__}
+            return msgspec.convert(keys, Plates)
+        except (tomllib.TOMLDecodeError, KeyError, msgspec.ValidationError) as error:
+            raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
+
+    def row(self) -> np.dtype[Any]:
+        """The type of one sample: the fields of `Samples`."""
+        k, n = self.micro_frictions, self.points - 1
+        per_coefficient = {
+            name: np.dtype(("<f8", (k,)))
+            for name in (
+                "micro_friction", "meso_friction", "meso_friction_mean_of_ratio", "uncertainty", "mean_normal",
+                "mean_tangential", "minimum_normal", "stored_energy", "friction_loss", "approach",
+            )
+        }  # fmt: skip
+        special = {
+            "wheel": np.dtype(("<f4", (n + 1, n + 1))),
+            "axle": np.dtype(("<f4", (self.squares * n + 1, n + 1))),
+            "wheel_envelope": np.dtype(("<f4", (2 * n + 1, 2 * n + 1))),
+            "axle_envelope": np.dtype(("<f4", (2 * self.squares * n + 1, 2 * n + 1))),
+            "engine": np.dtype(("S16", (k,))),
+            "remark": np.dtype("S240"),
+            "max_height": np.dtype("<f8"),
+            "hurst_exponent": np.dtype("<f8"),
+            "cpu_s": np.dtype("<f8"),
+        }
+        known = per_coefficient | special
+        return np.dtype([(field.name, known.get(field.name, np.dtype("<i8"))) for field in fields(Samples)])
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Friction tests, one row each, sorted by id: n pairs of plates, each slid with k micro coefficients.
+
+    Heights are measured outward from the nominal face of each body, in single precision (1e-7 of the height). Row i
+    of a matrix lies at x = i dx along the slide, column j at y = j dy across it. The wheel is turned over about no
+    axis but mirrored in z: its point (x, y) faces (x + s, y) of the axle when it has slid by s.
+    """
+
+    id: IntArray
+    """Number in the design, shape (n,)."""
+    wheel_seed: IntArray
+    axle_seed: IntArray
+    packing_seed: IntArray
+    levels: IntArray
+    max_height: FloatArray
+    """R [mm]."""
+    hurst_exponent: FloatArray
+    wheel: HeightArray
+    """Surface of the wheel [mm], shape (n, 33, 33) on 1 x 1 mm; exact, for grids of 2^levels + 1 points nest."""
+    axle: HeightArray
+    """Surface of the axle [mm], shape (n, 65, 33) on 2 x 1 mm."""
+    wheel_envelope: HeightArray
+    """Upper envelope of the wheel's spheres [mm], shape (n, 65, 65)."""
+    axle_envelope: HeightArray
+    """Upper envelope of the axle's spheres [mm], shape (n, 129, 65)."""
+    micro_friction: FloatArray
+    """Shape (n, k), rising in each row; so are all that follow."""
+    meso_friction: FloatArray
+    """Mean T over mean N."""
+    meso_friction_mean_of_ratio: FloatArray
+    """Mean of T/N."""
+    uncertainty: FloatArray
+    """Standard error of `meso_friction` along the slide."""
+    mean_normal: FloatArray
+    """Mean N over the slide [N]."""
+    mean_tangential: FloatArray
+    """Mean T over the slide [N]."""
+    minimum_normal: FloatArray
+    """Smallest N along the slide [N]."""
+    stored_energy: FloatArray
+    """Energy in beams and contacts at the end of the slide less that at its start [N mm]."""
+    friction_loss: FloatArray
+    """Work lost in the contacts along the slide [N mm]."""
+    approach: FloatArray
+    """From the first touch to the end of the squeeze [mm]."""
+    engine: npt.NDArray[np.bytes_]
+    """The engine that answered, shape (n, k)."""
+    remark: npt.NDArray[np.bytes_]
+    """Why another engine than the one asked for, if so; shape (n,)."""
+    cpu_s: FloatArray
+    """Time of the processor [s], shape (n,); the last field, and no part of a sample's digest."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
+def content_hash(samples: Samples) -> str:
+    """Hash of all samples by id, but for the time they took."""
+    whole = hashlib.sha256()
+    for sample in digests({field.name: getattr(samples, field.name) for field in fields(Samples)}):
+        whole.update(sample)
+    return whole.hexdigest()
+
+
+def digests(arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[bytes]:
+    """SHA-256 of each sample as `Header.row` lays it out, but for its time."""
+    row = np.dtype([(name, stored.dtype, stored.shape[1:]) for name, stored in arrays.items()])
+    count = len(arrays["id"])
+    for start in range(0, count, BLOCK):
+        block = np.empty(min(BLOCK, count - start), row)
+        for name, stored in arrays.items():
+            block[name] = stored[start : start + BLOCK]
+        yield from (hashlib.sha256(sample.tobytes()[:-8]).digest() for sample in block)

@@ -1,0 +1,1 @@
+"""How right the network is: errors, baselines, figures."""

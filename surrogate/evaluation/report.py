@@ -1,0 +1,59 @@
+"""What the commands print about an evaluation and a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..pair import Pair
+
+
+def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
+    """The report of `surrogate.evaluation.run`, for a reader."""
+    floor = result["noise_floor"]
+    first = f"Judged          {result['network']} ({result['faces']} faces) by {result['pairs']} pairs of surfaces"
+    lines = [
+        f"{first}, {result['packings']} packings each; contact lost in {result['lost_contact']} runs",
+        f"Relative error  {_percent(result)} against one packing, median {100 * result['median_relative_error']:.2f} %",
+        f"                {_percent(result, '_all_packings')} against the mean over packings",
+        f"Noise floor     {_cell(floor)} % against one packing",
+        f"R2 of b         {result['r2_b']:.3f}",
+    ]
+    lines.append(f"Straight line   within {result['largest_bend']:.1e}, median {result['median_bend']:.1e}")
+    at = result["by_micro_friction"].get("0.07")
+    if at is not None:
+        lines.append(
+            f"At 0.07         {_percent(at)} against one packing, {_percent(at, '_all_packings')} against the mean"
+        )
+    if "coverage_90" in result:
+        lines.append(f"Inside 90 %     {100 * result['coverage_90']:.0f} % of all runs")
+    names = ["constant ratio", *result["beside"], "this network", "noise floor"]
+    lines += ["", "error [%]       " + "".join(f"{name:>18}" for name in names)]
+    for micro, row in result["by_micro_friction"].items():
+        beside = [row[name]["mean_relative_error"] for name in result["beside"]]
+        values = [row["baseline_mean_relative_error"], *beside, row["mean_relative_error"], row["noise_floor"]]
+        lines.append(f"  micro {micro:<8}" + "".join(f"{_cell(value):>18}" for value in values))
+    return lines
+
+
+def _percent(result: Mapping[str, Any], against: str = "") -> str:
+    mean, error = result[f"mean_relative_error{against}"], result[f"standard_error{against}"]
+    return f"{100 * mean:.2f} ± {100 * error:.2f} %"
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.2f}"
+
+
+def prediction_lines(pair: Pair) -> list[str]:
+    """What a network says about one pair of faces."""
+    roughness = ", ".join(
+        f"{name} {1e3 * face.std():.2f} µm" for name, face in (("wheel", pair.wheel), ("axle", pair.axle))
+    )
+    lines = [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
+    for micro, mean, half in zip(pair.micro, pair.mean, pair.half, strict=True):
+        lines.append(f"  {micro:<8g}  {mean:.4f}    {mean - half:.4f} ... {mean + half:.4f}")
+    if not pair.held:
+        lines.append("Contact         is probably lost somewhere along the slide; there errors are twice as large")
+    return lines

@@ -1,0 +1,1 @@
+"""The network: inputs, model, training, weights, prediction."""

@@ -1,0 +1,214 @@
+"""A trained network on disk: tensors in safetensors, and where they come from. Nothing is ever unpickled.
+
+The metadata has one entry, `macrofit-surrogate`: JSON with the provenance and a digest of it and of all tensors. (One
+entry only: safetensors writes several in no fixed order, and the same training shall give the same bytes.)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import msgspec
+import safetensors
+import safetensors.torch
+import torch
+from torch import Tensor
+
+from ..data.samples import Plates
+from ..errors import CheckpointError
+from .dataset import Faces
+from .model import Energy, Paper
+
+Architecture = Literal["energy", "paper"]
+Model: TypeAlias = Energy | Paper
+ENTRY = "macrofit-surrogate"
+SCHEMA = 1
+LARGEST = 200_000_000
+"""Bytes of a file that is worth reading."""
+
+
+class EnergyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="energy", tag_field="architecture"):
+    """Arguments of `Energy`."""
+
+    stiffness: list[float]
+    load: float
+    members: int = 8
+    width: int = 24
+    positions: int = 5
+
+    def build(self) -> Energy:
+        """The network, untrained."""
+        return Energy(self.stiffness, self.load, self.members, self.width, self.positions)
+
+
+class PaperOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="paper", tag_field="architecture"):
+    """Arguments of `Paper`."""
+
+    points: int = 33
+    filters: tuple[int, ...] = (16, 12, 8, 6, 4)
+
+    def build(self) -> Paper:
+        """The network, untrained."""
+        return Paper(self.points, self.filters)
+
+
+class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where weights come from, what inputs they have seen, and how well they did."""
+
+    options: EnergyOptions | PaperOptions
+    """Architecture and its arguments."""
+    faces: Faces
+    """Surfaces as generated, or as the envelopes of their spheres."""
+    database: str
+    """Content hash of the samples."""
+    seed: int
+    training: int
+    """Pairs learned from."""
+    validation: int
+    """Pairs held back, for early stopping and for the stated uncertainty."""
+    points: int
+    """Of a wheel's face along its edge."""
+    plates: Plates
+    surface_seeds: tuple[int, int]
+    """Smallest and largest seed of a surface, of both bodies together; held back or not."""
+    packing_seeds: tuple[int, int]
+    """Smallest and largest seed of a packing."""
+    max_height: tuple[float, float]
+    """Smallest and largest R [mm]."""
+    levels: tuple[int, ...]
+    """Subdivisions that were there."""
+    hurst_exponent: tuple[float, float]
+    micro_friction: tuple[float, float]
+    validation_error: dict[str, float]
+    """Mean relative error [-] on the validation pairs by micro coefficient."""
+    validation_r2: float
+    """R2 of b [-] on the validation pairs."""
+    versions: dict[str, str]
+    schema: int = SCHEMA
+
+    @property
+    def architecture(self) -> Architecture:
+        """Its name."""
+        return "energy" if isinstance(self.options, EnergyOptions) else "paper"
+
+
+class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    provenance: msgspec.Raw
+    sha256: str
+
+
+def digest(tensors: Mapping[str, Tensor], provenance: bytes) -> str:
+    """SHA-256 of the provenance and of names, types, shapes and values of all tensors."""
+    whole = hashlib.sha256(provenance)
+    for name in sorted(tensors):
+        values = tensors[name].detach().cpu().contiguous().numpy()
+        whole.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        whole.update(values.tobytes())
+    return whole.hexdigest()
+
+
+def save(path: Path, model: Model, provenance: Provenance) -> None:
+    """Write the file in one step: whoever looks finds the old one or the new one.
+
+    Raises:
+        CheckpointError: it cannot be written.
+    """
+    tensors = {name: value.detach().cpu().contiguous().clone() for name, value in model.state_dict().items()}
+    about = msgspec.json.encode(provenance)
+    entry = msgspec.json.encode(_Entry(msgspec.Raw(about), digest(tensors, about))).decode()
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        beside.write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
+        beside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise CheckpointError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def load(path: Path) -> tuple[Model, Provenance]:
+    """The network, ready to predict, and its provenance.
+
+    Raises:
+        CheckpointError: there is no such file, it is no checkpoint of this program or a damaged or changed one, or
+            the tensors are not those of its architecture.
+    """
+    tensors, text = _read(path)
+    try:
+        entry = msgspec.json.decode(text, type=_Entry)
+        provenance = msgspec.json.decode(entry.provenance, type=Provenance)
+    except (msgspec.DecodeError, UnicodeError) as error:  # a ValidationError is a DecodeError
+        raise CheckpointError(f"{path}: its provenance cannot be read ({error}); train it anew") from error
+    if provenance.schema != SCHEMA:
+        raise CheckpointError(f"{path}: has schema {provenance.schema}, this version reads {SCHEMA}; train it anew")
+    if digest(tensors, bytes(entry.provenance)) != entry.sha256:
+        raise CheckpointError(f"{path}: was changed or damaged after it was written: its digest differs; get it anew")
+    return _assemble(path, tensors, provenance), provenance
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], str]:
+    """All tensors, and the text of the entry."""
+    foreign = f"{path}: is no checkpoint of macrofit-surrogate (safetensors; nothing else is ever loaded)"
+    try:
+        if path.stat().st_size > LARGEST:
+            raise CheckpointError(f"{foreign}: it is larger than {LARGEST // 1_000_000} MB")
+        with safetensors.safe_open(path, framework="pt") as file:
+            text = (file.metadata() or {}).get(ENTRY)
+            if text is None:
+                raise CheckpointError(f"{foreign}: its metadata do not say what it is")
+            return {name: file.get_tensor(name) for name in file.keys()}, text  # noqa: SIM118  no mapping
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: there is no such file; macrofit-surrogate train makes one") from None
+    except (OSError, safetensors.SafetensorError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{foreign}, or a damaged one: {error}") from error
+
+
+def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) -> Model:
+    """The network of the provenance with the tensors in it."""
+    bad = [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]
+    if bad:
+        raise CheckpointError(f"{path}: {bad[0]} has values that are not finite; train it anew")
+    options, points = provenance.options, provenance.points
+    if isinstance(options, EnergyOptions):
+        steps = options.positions - 1
+        fits = steps > 0 and (points - 1) % steps == 0 and 0.0 < options.load < math.inf
+    else:
+        fits = options.points == points
+    if not fits:
+        raise CheckpointError(f"{path}: its options do not fit faces of {points} points, or a load above 0")
+    try:
+        with torch.device("meta"):  # no memory before the shapes are known to fit
+            model: Model = provenance.options.build()
+        expected = {name: tuple(value.shape) for name, value in model.state_dict().items()}
+    except (RuntimeError, ValueError, TypeError, IndexError, ZeroDivisionError, OverflowError) as error:
+        raise CheckpointError(f"{path}: cannot be built from its options: {error}") from error
+    for name in sorted(expected.keys() | tensors.keys()):
+        if name not in expected or name not in tensors or expected[name] != tuple(tensors[name].shape):
+            what = "is not in it" if name not in tensors else "does not belong to it or has another shape"
+            raise CheckpointError(f"{path}: is no network '{provenance.architecture}': {name} {what}")
+    model.load_state_dict(tensors, assign=True)
+    model.requires_grad_(False)
+    return model.eval()
+
+
+def outside(provenance: Provenance, **inputs: float) -> list[str]:
+    """Which inputs lie outside what the network has seen, in words.
+
+    Args:
+        provenance: of the network.
+        inputs: any of max_height [mm], levels, hurst_exponent, micro_friction.
+    """
+    said = []
+    for name, value in inputs.items():
+        seen = getattr(provenance, name)
+        low, high = min(seen), max(seen)
+        slack = 1e-3 * (high - low)
+        if not math.isfinite(value) or not low - slack <= value <= high + slack:
+            said.append(f"{name} = {value:g} is outside {low:g} ... {high:g}")
+    return said

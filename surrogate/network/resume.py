@@ -1,0 +1,97 @@
+"""The state of a training on disk, so that a killed one goes on: tensors in safetensors, nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import safetensors.torch
+import torch
+from torch import Tensor, nn
+
+from ..errors import TrainingError
+
+ENTRY = "macrofit-surrogate-state"
+EVERY = 20.0
+"""Seconds between two states."""
+Tensors = dict[str, Tensor]
+
+
+class Saved:
+    """A file with the state of a training; one that is damaged or of another training is as good as none.
+
+    Args:
+        path: of the file; None keeps nothing.
+        key: names all that the training's bits depend on.
+    """
+
+    def __init__(self, path: Path | None, key: str) -> None:
+        self.path, self.key = path, key
+        self._last = time.monotonic()
+
+    def read(self) -> Tensors | None:
+        """What was saved by the same training."""
+        if self.path is None:
+            return None
+        with (
+            suppress(OSError, safetensors.SafetensorError, ValueError, RuntimeError),
+            safetensors.safe_open(self.path, framework="pt") as file,
+        ):
+            names = set(file.keys())
+            if (file.metadata() or {}).get(ENTRY) == self.key and "generator" in names:
+                return {name: file.get_tensor(name) for name in sorted(names)}
+        return None
+
+    def due(self) -> bool:
+        """Whether it is time for the next."""
+        return self.path is not None and time.monotonic() - self._last >= EVERY
+
+    def write(self, tensors: Tensors) -> None:
+        """Put it in the place of the one before, in one step.
+
+        Raises:
+            TrainingError: it cannot be written.
+        """
+        if self.path is None:
+            return
+        beside = self.path.with_name(f".{self.path.name}.draft")
+        try:
+            beside.write_bytes(safetensors.torch.save(tensors, {ENTRY: self.key}))
+            os.replace(beside, self.path)
+        except OSError as error:
+            raise TrainingError(f"{self.path}: cannot be written: {error.strerror}") from error
+        self._last = time.monotonic()
+
+    def remove(self) -> None:
+        """The training is over."""
+        if self.path is not None:
+            with suppress(OSError):
+                self.path.unlink(missing_ok=True)
+
+
+def packed(model: nn.Module, optimiser: torch.optim.Optimizer, kept: Tensors) -> Tensors:
+    """Parameters, the kept ones, the optimiser's moments and the generator, as copies by name."""
+    moments = optimiser.state_dict()["state"]
+    state = {f"model.{name}": value for name, value in model.state_dict().items()}
+    state |= {f"kept.{name}": value for name, value in kept.items()}
+    state |= {f"moments.{at}.{name}": value for at, some in moments.items() for name, value in some.items()}
+    state["generator"] = torch.get_rng_state()
+    return {name: value.detach().cpu().clone().contiguous() for name, value in state.items()}
+
+
+def unpack(state: Tensors, model: nn.Module, optimiser: torch.optim.Optimizer) -> Tensors:
+    """Put it all back; gives the kept parameters."""
+    model.load_state_dict(_under("model.", state))
+    moments: dict[int, Tensors] = {}
+    for name, value in _under("moments.", state).items():
+        at, moment = name.split(".")
+        moments.setdefault(int(at), {})[moment] = value
+    optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
+    torch.set_rng_state(state["generator"])
+    return _under("kept.", state)
+
+
+def _under(prefix: str, state: Tensors) -> Tensors:
+    return {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}

@@ -1,0 +1,58 @@
+"""The law's status, and the way a slip turns around."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from macrofit.contact.law import Answer, Status, classify
+from macrofit.contact.newton import SHARE, newton
+from macrofit.contact.status import OPEN, SLIP, STICK
+
+
+def test_status_of_a_trial() -> None:
+    trial = np.array([[1.0, -10.0, -10.0, -10.0, -10.0], [5.0, 0.5, 2.0, -2.0, 3.0]])
+    friction = np.array([0.1, 0.1, 0.1, 0.1, 0.0])
+    status = classify(trial, friction)
+    assert status.kind.tolist() == [OPEN, STICK, SLIP, SLIP, SLIP]
+    assert status.sign.tolist() == [0, 0, 1, -1, 0]
+
+
+def test_a_slip_turns_around_through_stick() -> None:
+    before = Status(np.array([SLIP, SLIP], dtype=np.int8), np.array([1, 1], dtype=np.int8))
+    after = classify(np.array([[-10.0, -10.0], [-5.0, 5.0]]), np.array([0.1, 0.1]), before)
+    assert after.kind.tolist() == [STICK, SLIP]
+    assert after.sign.tolist() == [0, 1]
+
+
+class Planted:
+    """Answers every status with the same slip, whose trial is ``off`` the traction; kappa turns by a factor a step."""
+
+    def __init__(self, off: float, factor: float) -> None:
+        self.off, self.factor, self.turned = off, factor, 1e-3
+
+    def solve(self, status: Status, kappa: np.ndarray, friction: np.ndarray) -> Answer:
+        traction = np.array([[-10.0], [1.0]])
+        trial = traction + np.array([[-self.off], [5.0]])
+        self.turned *= self.factor
+        return Answer(traction, trial, traction, kappa + self.turned)
+
+
+def slipping(problem: Planted) -> tuple[bool, float]:
+    """How Newton's method ends with a planted problem, and the last turn of kappa."""
+    status = Status(np.array([SLIP], dtype=np.int8), np.array([1], dtype=np.int8))
+    return newton(problem, np.array([0.1]), status, np.zeros(1), 40).converged, problem.turned
+
+
+@pytest.mark.parametrize(("off", "converged"), [(0.0, True), (1e-8, True), (1e-5, False), (1e4, False)])
+def test_status_that_stays_is_no_answer_while_the_law_is_broken(off: float, *, converged: bool) -> None:
+    """A solve too ill-conditioned for its own trial keeps traction and status all the same."""
+    assert slipping(Planted(off, 0.1))[0] == converged
+
+
+def test_loads_follow_kappa_before_it_is_an_answer() -> None:
+    """The traction has stopped where kappa, which turns the pressure's load, has not."""
+    converged, turned = slipping(Planted(0.0, 0.1))
+    assert converged
+    assert turned <= SHARE
+    assert not slipping(Planted(0.0, 1.0))[0]

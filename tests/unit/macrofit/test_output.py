@@ -1,0 +1,403 @@
+"""The files of a run, what the summary says, and the figures (lightly)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import resource
+from contextlib import contextmanager
+
+import h5py
+import meshio
+import msgspec
+import numpy as np
+import pytest
+from fakes import SEAT_RADIUS, fake_field, fake_increment, fake_scene, fake_solution
+
+from macrofit.base.files import replacing
+from macrofit.errors import OutputError
+from macrofit.figures import curves as plots
+from macrofit.figures.stress import _outline, _split
+from macrofit.monitor import Lines, Progress, Several
+from macrofit.results import folder as output
+from macrofit.results import summary as report
+from macrofit.scene import build_scene, load_scene
+from macrofit.solution import PairFrictionMap, Tiling
+
+HEADER = (
+    "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,"
+    "sticking_facets,newton_iterations,wall_s"
+)
+
+
+@contextmanager
+def small_files():
+    """Files cannot grow beyond 4 kB: the error of a full disk without a disk.
+
+    Not a fixture: pytest writes its own line, perhaps to a file, before it tears fixtures down.
+    """
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_the_curve_is_on_disk_after_every_increment(tmp_path):
+    curve = output.CurveFile(tmp_path)
+    path = tmp_path / "fitting_curve.csv"
+    assert path.read_text() == HEADER + "\n"
+    for k in range(3):
+        record = fake_increment(k, 0.1 * k, 1e5 / 3.0)
+        curve.increment(record)
+        row = path.read_text().splitlines()[k + 1].split(",")
+        assert len(row) == len(HEADER.split(","))
+        assert float(row[0]) == 0.1 * k  # to the bit
+        assert float(row[1]) == 1e5 / 3.0
+        assert int(row[5]) == record.active_facets
+    curve.finished()
+    curve.finished()
+    displacement, force = output.read_curve(tmp_path)
+    np.testing.assert_array_equal(displacement, [0.0, 0.1, 0.2])
+    np.testing.assert_array_equal(force, [1e5 / 3.0] * 3)
+
+
+def test_a_resumed_curve_has_every_increment_once(tmp_path):
+    before = [fake_increment(k, float(k), 0.0) for k in range(3)]
+    curve = output.CurveFile(tmp_path, before)
+    for record in (*before, fake_increment(3, 3.0, 1.0)):  # told again of what is there already
+        curve.increment(record)
+    assert [record.index for record in curve.records] == [0, 1, 2, 3]
+    np.testing.assert_array_equal(output.read_curve(tmp_path)[0], [0.0, 1.0, 2.0, 3.0])
+
+
+def test_a_full_disk_leaves_whole_rows(tmp_path):
+    with small_files():
+        curve = output.CurveFile(tmp_path)
+
+        def fill() -> None:
+            for k in range(1000):
+                curve.increment(fake_increment(k, 0.1 * k, 1e5 / 3.0))
+
+        with pytest.raises(OutputError, match=r"fitting_curve\.csv: cannot be written: .*make room"):
+            fill()
+        assert len(output.read_curve(tmp_path)[0]) == len(curve.records)
+
+
+def test_a_full_disk_leaves_the_earlier_file(tmp_path):
+    with small_files():
+        solution = fake_solution()
+        (tmp_path / "interface.h5").write_bytes(b"earlier")
+        with pytest.raises(OutputError, match=r"interface\.h5: cannot be written"):
+            output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments)
+        with pytest.raises(OutputError, match=r"fitting_curve\.png: cannot be written"):
+            plots.write_figures(tmp_path, solution)
+        assert (tmp_path / "interface.h5").read_bytes() == b"earlier"
+        assert os.listdir(tmp_path) == ["interface.h5"]
+
+
+def test_what_fails_halfway_leaves_no_trace(tmp_path):
+    (tmp_path / "a.txt").write_text("earlier")
+
+    def write_half() -> None:
+        with replacing(tmp_path / "a.txt") as draft:
+            draft.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_half()
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["earlier"]
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path):
+    output.prepare(tmp_path / "new" / "deep", owned=False)
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(OutputError, match="not empty and holds no run of macrofit"):
+        output.prepare(tmp_path, owned=False)
+    output.prepare(tmp_path, owned=True)
+    with pytest.raises(OutputError, match=r"thesis\.tex: cannot be written"):
+        output.prepare(tmp_path / "thesis.tex", owned=False)
+
+
+def test_clearing_removes_results_only(tmp_path):
+    solution = fake_solution()
+    output.write_fields(tmp_path, solution)
+    output.write_summary(tmp_path, {})
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "fields" / "view.pvsm").write_text("mine")
+    output.clear(tmp_path)
+    left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"notes.txt", "view.pvsm"}
+
+
+def test_the_scene_is_read_back_the_same(tmp_path):
+    output.write_scene(tmp_path, fake_scene())
+    assert load_scene(tmp_path / "scene.toml") == fake_scene()
+
+
+def test_the_interface_has_every_increment_and_facet(tmp_path):
+    solution = fake_solution()
+    output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments)
+    with h5py.File(tmp_path / "interface.h5") as file:
+        np.testing.assert_array_equal(file["displacement"], solution.displacement)
+        np.testing.assert_array_equal(file["facet_start"], solution.seat[:-1])
+        np.testing.assert_array_equal(file["facet_end"], solution.seat[1:])
+        assert file["z"].shape == (10, 25)
+        assert file["z"][3, 0] == -4.5
+        for name in ("pressure", "traction", "slip", "accumulated_slip", "gap", "status", "friction"):
+            for k, record in enumerate(solution.increments):
+                np.testing.assert_array_equal(file[name][k], getattr(record.facets, name))
+        assert file["pressure"].attrs["unit"] == "MPa"
+        assert file["gap"].attrs["unit"] == "mm"
+        assert "unit" in file["status"].attrs
+
+
+@pytest.mark.parametrize("seat", [None, np.zeros(4)])
+def test_an_unknown_seat_is_left_open(tmp_path, seat):
+    output.write_interface(tmp_path, fake_scene(), seat, [fake_increment(0, 0.0, 0.0)])
+    output.write_interface(tmp_path, fake_scene(), None, [])  # and no increment at all
+    output.write_interface(tmp_path, fake_scene(), seat, [fake_increment(0, 0.0, 0.0)])
+    with h5py.File(tmp_path / "interface.h5") as file:
+        assert np.isnan(file["facet_start"]).all()
+        assert file["pressure"].shape == (1, 25)
+
+
+def test_the_seat_of_a_drawn_axle_is_known_beforehand():
+    seat = report.seat_ends(fake_scene())
+    np.testing.assert_allclose(seat, np.arange(-5.0, 20.5), atol=1e-12)
+
+
+def test_fields_put_middles_where_vtk_wants_them(tmp_path):
+    solution = fake_solution()
+    keys = msgspec.structs.replace(solution.scene.output, fields=("displacement", "von_mises", "stress"))
+    scene = msgspec.structs.replace(solution.scene, output=keys)
+    output.write_fields(tmp_path, dataclasses.replace(solution, scene=scene))
+    mesh = meshio.read(tmp_path / "fields" / "wheel_0000.vtu")
+    (block,) = mesh.cells
+    assert block.type == "triangle6"
+    corner = mesh.points[block.data]
+    for k, (a, b) in enumerate([(0, 1), (1, 2), (2, 0)]):
+        np.testing.assert_array_equal(corner[:, 3 + k], 0.5 * (corner[:, a] + corner[:, b]))
+    assert mesh.point_data["displacement"].shape == (9, 3)
+    field = solution.fields[18.0]["wheel"]
+    np.testing.assert_array_equal(mesh.point_data["von_mises"], field.von_mises)
+    np.testing.assert_array_equal(mesh.point_data["stress_rz"], field.stress[:, 3])
+    text = (tmp_path / "fields" / "wheel.pvd").read_text()
+    assert 'timestep="18.0"' in text
+    assert 'file="wheel_0000.vtu"' in text
+
+
+def test_linear_triangles_are_written_and_drawn(tmp_path):
+    bodies = {"axle": fake_field(quadratic=False), "wheel": fake_field(4.0, quadratic=False)}
+    solution = dataclasses.replace(fake_solution(), fields={18.0: bodies})
+    output.write_fields(tmp_path, solution)
+    assert meshio.read(tmp_path / "fields" / "axle_0000.vtu").cells[0].type == "triangle"
+    assert len(plots.write_figures(tmp_path, solution)) == 4
+
+
+def test_only_the_fields_asked_for_are_written(tmp_path):
+    output.write_fields(tmp_path, fake_solution())
+    mesh = meshio.read(tmp_path / "fields" / "axle_0000.vtu")
+    assert set(mesh.point_data) == {"displacement", "von_mises"}
+
+
+def test_the_summary_has_its_numbers_and_is_plain_json(tmp_path):
+    solution = dataclasses.replace(fake_solution(), energy_balance=float("nan"))
+    numbers = report.summary(solution)
+    output.write_summary(tmp_path, numbers)
+    read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert read["peak_force_N"] == read["final_force_N"] == 7.6e5
+    assert read["peak_force_displacement_mm"] == 18.0
+    assert read["interference_radial_mm"] == 0.15
+    assert read["interference_diametral_mm"] == 0.3
+    assert read["max_von_mises_MPa"]["axle"] == {
+        "value": 512.9, "r_mm": 93.5, "z_mm": 1.0, "displacement_mm": 18.0
+    }  # fmt: skip
+    assert read["increments"] == 10
+    assert read["unconverged_increments"] == 0
+    assert read["newton_iterations"] == 30
+    assert read["total_cpu_s"] == 1.75
+    assert read["energy_balance"] is None
+    assert {"macrofit", "python", "numpy"} <= set(read["versions"])
+    assert read["verdict"]["en_13260"]["inside"]
+    assert read["verdict_reason"] is None
+    assert any("0.3 mm on the diameter" in line for line in report.sentences(numbers))
+
+
+@pytest.mark.parametrize(
+    ("final", "european", "russian"),
+    [(0.84, False, False), (0.86, True, False), (1.0, True, True), (1.44, True, True), (1.46, False, True)],
+)
+def test_the_windows_of_the_standards(final, european, russian):
+    """EN 13260: 0.85 to 1.45 times 4e-3 d MN; GOST 11018: 392 to 588 kN per 100 mm, 0.98 to 1.47 of it."""
+    nominal = 4e-3 * 2.0 * SEAT_RADIUS * 1e6
+    judged, _ = report.verdict(fake_solution(force=np.linspace(0.0, final * nominal, 10)))
+    assert judged.final_force == pytest.approx(final * nominal)
+    assert judged.en_13260.inside is european
+    assert judged.gost_11018.inside is russian
+    assert ("inside" in judged.sentence) is (european or russian)
+
+
+def test_oscillation_is_the_largest_drop_below_what_was_reached():
+    force = np.array([0.0, 30.0, 40.0, 38.0, 60.0, 80.0, 79.0, 90.0, 100.0, 99.0])
+    judged, _ = report.verdict(fake_solution(force=force))
+    assert judged.oscillation == pytest.approx(0.02)
+    assert judged.smooth
+    force[6] = 76.0
+    judged, _ = report.verdict(fake_solution(force=force))
+    assert judged.oscillation == pytest.approx(0.04)
+    assert not judged.smooth
+
+
+def test_the_curve_bulges_or_sags():
+    s = np.linspace(0.0, 1.0, 10)
+    bulging, _ = report.verdict(fake_solution(force=1e5 * np.sqrt(s)))
+    sagging, _ = report.verdict(fake_solution(force=1e5 * s**2))
+    straight, _ = report.verdict(fake_solution(force=1e5 * s))
+    assert bulging.convex
+    assert not sagging.convex
+    assert straight.bulge == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_reversal_ends_what_is_judged():
+    scene = fake_scene(displacements=[0.0, 6.0, 12.0, 18.0, 12.0, 6.0])
+    judged, _ = report.verdict(fake_solution(scene, np.array([0.0, 2e5, 5e5, 7e5, -9e5, -4e5])))
+    assert judged.final_force == 7e5
+    assert judged.oscillation == 0.0
+
+
+def test_no_verdict_without_a_press_fit():
+    disc = {"shape": "disc", "radius": 10.0, "thickness": 5.0}
+    axial = build_scene({"axle": disc, "wheel": disc, "motion": {"travel": 0.1, "increment": 0.1}})
+    shrunk = fake_scene(start=2.0, travel=6.0)
+    for solution, reason in [
+        (fake_solution(axial), "not drawn with two radii"),
+        (fake_solution(shrunk), "not pushed on from the entrance"),
+        (fake_solution(force=np.zeros(10)), "no force"),
+        (fake_solution(fake_scene(travel=6.0), np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])), "by 6 mm only"),
+    ]:
+        assert report.verdict(solution)[0] is None
+        assert reason in report.summary(solution)["verdict_reason"]
+
+
+def test_first_touch_of_drawn_bodies():
+    """The taper (95 at z = 0, 94.5 at z = -5) reaches the bore's 94.85 mm at z = -1.5."""
+    fine = fake_scene(displacements=np.round(np.arange(-4.0, 1.0, 0.1), 1).tolist())
+    assert report.first_touch(fine) == pytest.approx(-1.4, abs=1e-9)
+    sphere = {"shape": "disc", "radius": 10.0, "thickness": 9.0, "crown_radius": 20.0}
+    flat = {"shape": "disc", "radius": 10.0, "thickness": 9.0}
+    pressed = build_scene({"axle": sphere, "wheel": flat, "motion": {"start": 0.0, "travel": 0.3, "increment": 0.1}})
+    assert report.first_touch(pressed) == pytest.approx(0.1)
+    loose = build_scene({"axle": {"seat_radius": 95.0, "seat_length": 20.0},
+                         "wheel": {"bore_radius": 95.1, "hub_length": 20.0, "hub_outer_radius": 140.0},
+                         "motion": {"travel": 5.0}})  # fmt: skip
+    assert report.first_touch(loose) is None
+
+
+def test_lines_and_bar_say_where_the_wheel_is(capsys):
+    pytest.importorskip("rich")
+    monitor = Several(Lines(), Progress())
+    monitor.started(fake_scene(), 2, 1234)
+    monitor.increment(dataclasses.replace(fake_increment(1, 2.0, 1.5e5), cutbacks=3, converged=False))
+    monitor.finished()
+    monitor.finished()
+    lines = capsys.readouterr().out.splitlines()
+    assert "A short fit: 2 increments, 1234 degrees of freedom" in lines[0]
+    assert "2/2" in lines[1]
+    assert " 150 kN" in lines[1]
+    assert "cutbacks 3  not converged" in lines[1]
+
+
+def test_figures_are_drawn(tmp_path):
+    paths = plots.write_figures(tmp_path, fake_solution())
+    assert {path.name for path in paths} == {
+        "fitting_curve.png", "interface.png", "stress.png", "stress_entrance.png"
+    }  # fmt: skip
+    for path in paths:
+        assert path.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_figures_without_contact_or_fields(tmp_path):
+    solution = dataclasses.replace(fake_solution(force=np.zeros(10)), fields={}, max_von_mises={})
+    assert [path.name for path in plots.write_figures(tmp_path, solution)] == ["fitting_curve.png"]
+
+
+def test_the_curve_marks_its_peak_and_a_window_that_fits():
+    figure = plots.fitting_curve(fake_solution())
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert "peak 760 kN at 18 mm" in texts
+    assert any("EN 13260" in text for text in texts)
+    far = plots.fitting_curve(fake_solution(force=np.linspace(0.0, 1e4, 10)))
+    assert not any("EN 13260" in text.get_text() for text in far.axes[0].texts)
+
+
+def test_a_quadratic_triangle_is_shown_as_four(tmp_path):
+    cells = np.array([[0, 1, 2, 3, 4, 5]])
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
+    a, b, c = (points[_split(cells)[:, k]] for k in range(3))
+    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    np.testing.assert_allclose(area, 0.125)
+    assert {tuple(sorted(edge)) for edge in _outline(cells).tolist()} == {
+        (0, 5), (1, 5), (1, 3), (2, 3), (2, 4), (0, 4)
+    }  # fmt: skip
+
+
+def test_curves_of_several_folders_in_one_figure(tmp_path):
+    for name in ("a", "b"):
+        output.prepare(tmp_path / name, owned=False)
+        curve = output.CurveFile(tmp_path / name)
+        curve.increment(fake_increment(0, 0.0, 1.0))
+        curve.increment(fake_increment(1, 1.0, 2.0))
+    target = plots.compare([tmp_path / "a", tmp_path / "b"], tmp_path / "both.png")
+    assert target.read_bytes()[:4] == b"\x89PNG"
+    with pytest.raises(OutputError, match=r"none.*cannot be read"):
+        plots.compare([tmp_path / "none"], target)
+
+
+# A coefficient of friction that varies
+
+
+def with_pairs(uncertainty: float = 0.005, lasting: bool = True):
+    """The fake run with pairs of tiles of 1 mm: those that seat (from -5 mm) and bore (20 mm) face up to 18 mm."""
+    solution = fake_solution()
+    tiling = Tiling(1.0, -5.0, 25, (-20.0, 0.0), 20, True)
+    seat, bore = (axis.ravel() for axis in np.mgrid[0:25, 0:20])
+    met = seat + bore < 23
+    values = 0.05 + 0.002 * seat[met] + 0.001 * bore[met]
+    known = (seat[met], bore[met], values, np.full(values.size, uncertainty))
+    return dataclasses.replace(solution, friction=PairFrictionMap(tiling, *known, lasting))
+
+
+@pytest.mark.parametrize("solution", [with_pairs(), with_pairs(np.nan), with_pairs(lasting=False)])
+def test_the_pairs_are_written_and_drawn(tmp_path, solution):
+    pairs = solution.friction
+    output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments, pairs)
+    with h5py.File(tmp_path / "interface.h5") as file:
+        group = file["pairs"]
+        for name in ("seat", "bore", "coefficient", "uncertainty"):
+            np.testing.assert_array_equal(group[name][()], getattr(pairs, name))
+            assert group[name].attrs["unit"]
+        assert group.attrs["seat_origin_mm"] == -5.0
+        assert (group.attrs["tile_size_mm"], group.attrs["lasting"]) == (1.0, pairs.lasting)
+    assert tmp_path / "friction.png" in plots.write_figures(tmp_path, solution)
+    assert (tmp_path / "friction.png").stat().st_size > 10_000
+    figure = plots.friction(solution, pairs)
+    *rows, drawn = figure.axes[:4]
+    stated = np.isfinite(pairs.uncertainty).any() and pairs.lasting
+    assert [len(axes.patches) for axes in rows] == [2 if stated else 1] * 3  # line, and band
+    image = drawn.images[0].get_array()
+    assert image.shape == (20, 23)
+    assert np.ma.count(image) == pairs.seat.size
+    assert image[4, 7] == 0.05 + 0.002 * 7 + 0.001 * 4
+    assert "[-]" in figure.axes[-1].get_ylabel()
+    assert ("latest" in figure.axes[-1].get_ylabel()) == (not pairs.lasting)
+
+
+def test_a_uniform_run_has_no_pairs(tmp_path):
+    solution = fake_solution()
+    output.write_interface(tmp_path, solution.scene, solution.seat, solution.increments, solution.friction)
+    with h5py.File(tmp_path / "interface.h5") as file:
+        assert "pairs" not in file
+    assert tmp_path / "friction.png" not in plots.write_figures(tmp_path, solution)

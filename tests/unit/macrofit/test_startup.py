@@ -1,0 +1,91 @@
+"""What a command loads, and in which order: nothing that its scene does not ask for."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.startup import imports
+from benchmarks.verification import worst
+from found import Figures
+from unit.test_imports import loaded_by, run_help
+
+ORDER = """
+import json, sys
+from macrofit.cli import main
+try:
+    main(["run", "contact-patch", "-o", sys.argv[1], "--quiet"], standalone_mode=False)
+finally:
+    print("\\n" + json.dumps(list(sys.modules)))
+"""
+HANDLER = """
+import signal
+from macrofit.cli import import_mesher
+signal.signal(signal.SIGINT, lambda *_: None)
+before = signal.getsignal(signal.SIGINT)
+import_mesher()
+print(signal.getsignal(signal.SIGINT) is before)
+"""
+
+
+def said(code: str, *words: str) -> str:
+    """The last line that a fresh interpreter prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()[-1]
+
+
+def test_help_loads_no_arrays() -> None:
+    assert not loaded_by(run_help("macrofit")) & {"numpy", "msgspec", "rich"}
+
+
+def test_a_run_loads_what_its_scene_asks_for(tmp_path: Path) -> None:
+    """Neither network nor plates for a uniform coefficient; gmsh first, which loads slower after dolfinx."""
+    loaded = json.loads(said(ORDER, str(tmp_path / "run")))
+    assert {"gmsh", "dolfinx", "h5py"} <= set(loaded)
+    assert loaded.index("gmsh") < loaded.index("dolfinx")
+    unasked = {
+        "torch",
+        "numba",
+        "meso",
+        "surrogate",
+        "macrofit.contact.monolithic",
+        "macrofit.study.run",
+        "macrofit.identify.fit",
+    }
+    unasked |= {"pkg_resources"}  # nobody asks for a version
+    assert not unasked & set(loaded)
+
+
+def test_loading_the_mesher_leaves_ctrl_c() -> None:
+    assert said(HANDLER) == "True"
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_DFL
+
+
+def test_imports_are_summed_by_package() -> None:
+    text = "import time:      1500 |      9000 | numpy.core\nimport time:       500 |  100 |   numpy\nother words\n"
+    text += "import time:      7000 |      7000 |     gmsh\n"
+    assert imports(text) == (3, [("gmsh", 7.0), ("numpy", 2.0)])
+
+
+def test_found_keeps_what_it_was_told(tmp_path: Path) -> None:
+    figures = Figures()
+    found = figures.of("tests/test_a.py::test_b[1]")
+    assert found("error", 0.5, 1.0)
+    assert not found("error", 2.0, 1.0)
+    assert not found("error", float("nan"), 1.0)
+    assert found("rate", 2.0, 1.9, at_least=True)
+    assert not found("rate", 1.5, 1.9, at_least=True)
+    figures.write(tmp_path / "figures.json")
+    written = json.loads((tmp_path / "figures.json").read_text())
+    assert written[1] == {
+        "what": "error", "value": 2.0, "bar": 1.0, "at_least": False, "test": "tests/test_a.py::test_b[1]"
+    }  # fmt: skip
+    kept = [figure for figure in written if figure["value"] == figure["value"]]
+    assert [(figure["what"], figure["value"], count) for figure, count in worst(kept)] == [
+        ("error", 2.0, 2), ("rate", 1.5, 2),
+    ]  # fmt: skip

@@ -1,0 +1,333 @@
+"""Evaluation, tables of samples, and single predictions: on samples whose errors are known beforehand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from meso.plates import rough_face
+from meso.settings import Settings, SurfaceKeys, dump
+from surrogate.cli import main
+from surrogate.data.database import Database, Header, Samples
+from surrogate.data.faces import from_file, generated
+from surrogate.data.table import open_samples, read_table, write_table
+from surrogate.errors import DatabaseError, EvaluationError, PredictionError
+from surrogate.evaluation.run import (
+    Predicted,
+    constant_ratio,
+    coverage,
+    errors,
+    evaluation,
+    foundation_alone,
+    measured,
+    predicted,
+    report,
+    slope_r2,
+    unseen,
+)
+from surrogate.network.checkpoint import load, save
+from surrogate.network.dataset import pairs
+from surrogate.network.train import predict as ask
+from surrogate.network.train import train
+
+MICRO = (0.03, 0.05, 0.07, 0.09)
+SETTINGS = dump(Settings())
+HEADER = Header(design="{}", settings=SETTINGS, code="abc", version="0", micro_frictions=4, squares=2)
+PAIRS, PACKINGS, SCATTER = 60, 3, 0.02
+
+
+def made(pairs: int = PAIRS, packings: int = PACKINGS, seed: int = 0, first: int = 50_000) -> Samples:
+    """a = 1.03, b of each pair normal, each packing with its own relative error of SCATTER; real generated faces."""
+    rng = np.random.default_rng(seed)
+    count = pairs * packings
+    rows = np.zeros(count, HEADER.row())
+    pair = np.arange(count) // packings
+    rows["id"] = np.arange(count)
+    rows["packing_seed"] = np.arange(count)
+    rows["wheel_seed"] = rows["axle_seed"] = first + pair
+    rows["levels"], rows["max_height"], rows["hurst_exponent"] = 3, (0.01 + 1e-4 * pair), 0.8
+    for i in range(count):
+        keys = {"levels": 3, "max_height": float(rows["max_height"][i]), "hurst_exponent": 0.8}
+        for body in ("wheel", "axle"):
+            rows[body][i] = generated(body, int(rows[f"{body}_seed"][i]), **keys)
+    rows["micro_friction"] = MICRO
+    b = np.repeat(1e-3 * rng.standard_normal(pairs), packings)
+    true = 1.03 * rows["micro_friction"] + b[:, None]
+    rows["meso_friction"] = true * (1.0 + SCATTER * rng.standard_normal((count, 1)))
+    rows["minimum_normal"] = 100.0
+    rows["minimum_normal"][7:8, 2] = 0.0
+    rows["engine"], rows["remark"] = b"quasi-static", 'ä, "x"'.encode()
+    return Samples(**{field.name: rows[field.name].copy() for field in fields(Samples)})
+
+
+SAMPLES = made()
+DATA = measured(SAMPLES)
+TRUE = Predicted("true", DATA.spread_out(DATA.meso.mean(1)), np.full((PAIRS, PACKINGS, 4), 1.0))
+
+
+def test_samples_are_dealt_by_pair_and_packing() -> None:
+    order = np.random.default_rng(1).permutation(len(SAMPLES))
+    shuffled = Samples(**{name: column[order] for name, column in vars(SAMPLES).items()})
+    for data in (DATA, measured(SAMPLES)):
+        assert data.meso.shape == (PAIRS, PACKINGS, 4)
+        assert np.array_equal(data.meso[2, 1], SAMPLES.meso_friction[7])
+        assert np.array_equal(data.samples.wheel_seed, 50_000 + np.repeat(np.arange(PAIRS), PACKINGS))
+        assert np.argwhere(~data.held).tolist() == [[2, 1]]
+    mixed = measured(shuffled)
+    assert np.array_equal(np.sort(mixed.meso, axis=1), np.sort(DATA.meso, axis=1))
+    assert np.array_equal(mixed.samples.wheel, DATA.samples.wheel)
+
+
+def test_the_noise_floor_is_the_error_of_who_knows_the_mean() -> None:
+    # E |x - mean| of a normal distribution: sqrt(2/pi) sigma; 60 pairs tell it to about 8 %
+    assert DATA.noise_floor == pytest.approx(np.full(4, np.sqrt(2.0 / np.pi) * SCATTER), rel=0.2)
+    many = measured(made(40, 12, seed=3))
+    known = Predicted("mean", many.spread_out(many.meso.mean(1)))
+    # the mean of 12 is known to 1/sqrt(12): against one packing sqrt(1 - 1/12) of the floor
+    assert errors(many, known)[0].mean() == pytest.approx(many.noise_floor.mean() * np.sqrt(11 / 12), rel=0.03)
+    assert np.isnan(measured(made(5, 1)).noise_floor).all()
+
+
+def test_errors_are_against_each_packing_and_against_their_mean() -> None:
+    off = Predicted("off", 1.1 * TRUE.mean)
+    one, all_packings = errors(DATA, off)
+    assert all_packings == pytest.approx(np.full((PAIRS, 4), 0.1))
+    assert one.shape == (PAIRS, PACKINGS, 4)
+    assert one[4, 2, 1] == pytest.approx(abs(off.mean[4, 2, 1] / DATA.meso[4, 2, 1] - 1.0))
+
+
+def test_a_network_is_asked_on_the_grid_it_was_trained_on() -> None:
+    trained = train(SAMPLES, points=17, members=2, epochs=2)
+    told = pairs(SAMPLES, points=17)
+    mean, spread = (values.double().numpy() for values in ask(trained.model, told.wheel, told.axle, told.micro))
+    said = predicted(trained.model, trained.provenance, DATA)
+    assert said.mean == pytest.approx(DATA.spread_out(mean), abs=1e-7)  # of other batches
+    assert said.spread == pytest.approx(DATA.spread_out(spread), abs=1e-7)
+
+
+def test_no_other_constant_ratio_does_better() -> None:
+    best = errors(DATA, constant_ratio(DATA))[0].mean()
+    ratio = constant_ratio(DATA).mean[0, 0, 0] / MICRO[0]
+    for c in np.linspace(0.98, 1.08, 41):
+        other = Predicted("", np.broadcast_to(c * DATA.micro, DATA.meso.shape))
+        assert errors(DATA, other)[0].mean() >= best - 1e-15
+    assert ratio == pytest.approx(1.03, abs=0.01)
+
+
+def test_the_bend_is_the_distance_from_a_straight_line() -> None:
+    assert DATA.bend.max() < 1e-15  # made as lines
+    bent = DATA.meso.copy()
+    bent[3, 1] += np.array([1.0, -1.0, -1.0, 1.0]) * 1e-4  # at equal steps no line is nearer to this than zero
+    found = replace(DATA, meso=bent).bend
+    assert found[3, 1] == pytest.approx(1e-4)
+    assert np.delete(found.ravel(), 3 * PACKINGS + 1).max() < 1e-15
+
+
+def test_r2_is_of_the_intercept() -> None:
+    first = Predicted("", DATA.meso)
+    assert slope_r2(DATA, first) == pytest.approx(1.0)
+    assert slope_r2(DATA, Predicted("", 2.0 * DATA.micro + DATA.meso)) == pytest.approx(1.0)  # a is free
+    assert slope_r2(DATA, Predicted("", DATA.meso + 1e-3)) < 0.5
+    assert slope_r2(DATA, constant_ratio(DATA)) < 0.1
+
+
+def test_coverage_counts_all_packings() -> None:
+    spread = DATA.spread_out(np.abs(DATA.meso - TRUE.mean).max(1) / 1.645)
+    assert coverage(DATA, replace(TRUE, spread=1.001 * spread)) == pytest.approx(np.ones(4))
+    assert coverage(DATA, replace(TRUE, spread=0.999 * spread)) == pytest.approx(np.full(4, 2.0 / 3.0))
+
+
+def test_the_foundation_alone_knows_no_answer() -> None:
+    other = replace(DATA, meso=np.zeros_like(DATA.meso))
+    said = foundation_alone(DATA, "generated", 170.0).mean
+    assert np.array_equal(said, foundation_alone(other, "generated", 170.0).mean)
+    slope = foundation_alone(DATA, "generated", 170.0).mean - DATA.micro
+    assert np.ptp(slope, axis=(1, 2)).max() < 1e-8
+    assert slope.std() > 1e-4
+
+
+def test_the_report_has_what_was_promised() -> None:
+    said = replace(TRUE, spread=0.02 * TRUE.mean)
+    result = report(DATA, said, [constant_ratio(DATA)], {"network": "x"})
+    assert result["samples"] == PAIRS * PACKINGS * 4
+    assert (result["pairs"], result["packings"], result["lost_contact"]) == (PAIRS, PACKINGS, 1)
+    one = errors(DATA, said)[0]
+    assert result["mean_relative_error"] == pytest.approx(one.mean())
+    assert result["median_relative_error"] == pytest.approx(np.median(one))
+    assert result["baseline_mean_relative_error"] == pytest.approx(errors(DATA, constant_ratio(DATA))[0].mean())
+    assert result["mean_relative_error_all_packings"] == pytest.approx(0.0)
+    assert 0.8 < result["coverage_90"] < 1.0
+    assert result["noise_floor"] == pytest.approx(DATA.noise_floor.mean())
+    row = result["by_micro_friction"]["0.07"]
+    assert row["mean_relative_error"] == pytest.approx(one[..., 2].mean())
+    assert {"median_relative_error", "baseline_mean_relative_error", "constant ratio"} <= set(row)
+    json.dumps(result, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "message"),
+    [
+        (made(1), "one pair"),
+        (Samples(**{name: column[:-1] for name, column in vars(SAMPLES).items()}), "2 to 3 packings"),
+        (
+            replace(SAMPLES, micro_friction=SAMPLES.micro_friction + np.arange(len(SAMPLES))[:, None]),
+            "--micro-friction",
+        ),
+    ],
+)
+def test_samples_that_judge_nothing(spoiled: Samples, message: str) -> None:
+    with pytest.raises(EvaluationError, match=message):
+        measured(spoiled)
+
+
+@pytest.fixture(scope="module")
+def networks(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Networks of both kinds and a table, trained on nothing worth mentioning."""
+    folder = tmp_path_factory.mktemp("networks")
+    training = made(40, 1, first=0)
+    paths = {"table": folder / "table.csv"}
+    for name in ("energy", "paper"):
+        paths[name] = folder / f"{name}.safetensors"
+        trained = train(training, name, epochs=1)
+        save(paths[name], trained.model, trained.provenance)
+    write_table(Database(HEADER, made(6), {}, "hash"), paths["table"])
+    return paths
+
+
+def test_an_evaluation_leaves_its_report_and_figures(networks: dict[str, Path], tmp_path: Path) -> None:
+    result, written = evaluation(networks["table"], networks["energy"], [networks["paper"]] * 2, tmp_path / "a" / "b")
+    assert [path.name for path in written] == ["evaluation.json", "configurations.png", "scatter.png", "errors.png"]
+    assert json.loads(written[0].read_text()) == result
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written[1:])
+    assert list(result["beside"]) == ["foundation alone", "paper", "paper 2"]
+    assert result["beside"]["paper"] == result["beside"]["paper 2"] != result["beside"]["foundation alone"]
+
+
+def test_surfaces_that_were_learned_judge_nothing(networks: dict[str, Path], tmp_path: Path) -> None:
+    write_table(Database(HEADER, made(4, first=37), {}, "hash"), tmp_path / "t.csv")
+    with pytest.raises(EvaluationError, match=r"seed 37 .* learned"):
+        evaluation(tmp_path / "t.csv", networks["energy"], [], tmp_path)
+
+
+def test_packings_that_were_learned_do_not_judge_a_network_of_envelopes(networks: dict[str, Path]) -> None:
+    _, about = load(networks["energy"])
+    seen = replace(SAMPLES, packing_seed=np.full(len(SAMPLES), about.packing_seeds[1]))
+    unseen(seen, about)
+    with pytest.raises(EvaluationError, match=r"packings of seed 39 .* --first-packing beyond 39"):
+        unseen(seen, msgspec.structs.replace(about, faces="envelope"))
+
+
+def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
+    write_table(Database(HEADER, SAMPLES, {}, "hash"), tmp_path / "t.csv")
+    found = open_samples(tmp_path / "t.csv")
+    assert (found.header, found.content_hash) == (HEADER, "hash")
+    for name, column in vars(SAMPLES).items():
+        stored = getattr(found.samples, name)
+        assert stored.dtype == column.dtype
+        if name.endswith("envelope"):
+            assert stored.shape == (len(SAMPLES), 0, 0)
+        else:
+            assert np.array_equal(stored, column), name
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda text: text.replace(b"quasi-static", b"explicit", 1), "changed or damaged"),
+        (lambda text: text[:-40], "changed or damaged"),
+        (lambda text: b"\x89HDF\r\n" + text, "is no table"),
+        (lambda text: text.replace(b'"header"', b'"head"', 1), "damaged table"),
+    ],
+)
+def test_a_table_that_was_touched_is_refused(spoil, message, tmp_path) -> None:
+    path = tmp_path / "t.csv"
+    write_table(Database(HEADER, made(2), {}, "hash"), path)
+    path.write_bytes(spoil(path.read_bytes()))
+    with pytest.raises(DatabaseError, match=message):
+        read_table(path)
+
+
+@pytest.mark.parametrize("body", ["wheel", "axle"])
+@pytest.mark.parametrize("levels", [2, 3, 5])
+def test_faces_are_those_of_the_plates(body, levels, tmp_path) -> None:
+    keys = SurfaceKeys(levels=levels, max_height=0.03, hurst_exponent=0.6)
+    face = rough_face(keys, body, 9, (1.0, 1.0) if body == "wheel" else (2.0, 1.0))
+    found = generated(body, 9, levels=levels, max_height=0.03, hurst_exponent=0.6)
+    assert found.shape == ((33, 33) if body == "wheel" else (65, 33))
+    finer = 32 // 2**levels
+    assert np.array_equal(found[::finer, ::finer], face.heights.astype(np.float32))
+    np.save(tmp_path / "face.npy", face.heights)
+    np.savetxt(tmp_path / "face.csv", face.heights, delimiter=",", header="heights [mm]", fmt="%.17g")
+    for name in ("face.npy", "face.csv"):
+        assert np.array_equal(from_file(tmp_path / name, body), found)
+
+
+def test_files_that_are_no_faces(tmp_path: Path) -> None:
+    bad = np.zeros((9, 9))
+    bad[3, 4] = np.nan
+    cases = {"nan.npy": bad, "square.npy": np.zeros((9, 9)), "object.npy": np.array([{}, 1], dtype=object)}
+    for name, table in cases.items():
+        np.save(tmp_path / name, table)
+    (tmp_path / "text.csv").write_text("a,b\n")
+    expected = {
+        "nan.npy": r"nan.npy: heights\[3, 4\] = nan",
+        "square.npy": "2 mm long",
+        "object.npy": "no table of heights",
+        "text.csv": "no table of heights",
+        "absent.csv": "cannot be read",
+    }
+    for name, message in expected.items():
+        with pytest.raises(PredictionError, match=message):
+            from_file(tmp_path / name, "axle")
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    answer = CliRunner().invoke(main, [str(argument) for argument in arguments], catch_exceptions=False)
+    return answer.exit_code, answer.output
+
+
+def test_the_command_predicts_from_seeds_and_from_files(networks: dict[str, Path], tmp_path: Path) -> None:
+    seeds = ("predict", "-n", networks["energy"], "--wheel-seed", 3, "--axle-seed", 4, "--max-height", 0.012)
+    code, said = run(*seeds, "-o", tmp_path / "p.csv")
+    assert code == 0
+    rows = np.loadtxt(tmp_path / "p.csv", delimiter=",", skiprows=1)
+    assert rows.shape == (4, 5)
+    assert rows[:, 0].tolist() == list(MICRO)
+    assert np.all(rows[:, 3] < rows[:, 1])
+    assert f"{rows[2, 1]:.4f}" in said
+    assert run(*seeds, "--micro-friction", "2.5")[0] == 2
+    keys = {"levels": 3, "max_height": 0.012, "hurst_exponent": 0.8}
+    np.save(tmp_path / "w.npy", generated("wheel", 3, **keys))
+    np.save(tmp_path / "a.npy", generated("axle", 4, **keys))
+    files = ("--wheel", tmp_path / "w.npy", "--axle", tmp_path / "a.npy", "-o", tmp_path / "q.csv")
+    assert run("predict", "-n", networks["energy"], *files)[0] == 0
+    assert np.array_equal(np.loadtxt(tmp_path / "q.csv", delimiter=",", skiprows=1), rows)
+    assert run(*seeds, "-o", tmp_path / "p.png")[0] == 0
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_was_never_seen_is_said(networks: dict[str, Path]) -> None:
+    code, said = run("predict", "-n", networks["energy"], "--max-height", 0.5, "--micro-friction", "0.07,0.9")
+    assert code == 0
+    assert "warning: max_height = 0.5 is outside 0.01 ... 0.0139" in said
+    assert "warning: micro_friction = 0.9" in said
+
+
+def test_a_mistake_is_one_line_and_exit_code_2(networks: dict[str, Path], tmp_path: Path) -> None:
+    (tmp_path / "weights.safetensors").write_bytes(b"\x80\x04K\x01.")
+    for arguments, message in (
+        (("predict", "-n", tmp_path / "weights.safetensors"), "nothing else is ever loaded"),
+        (("predict", "--levels", 40), "levels"),
+        (("evaluate", tmp_path / "none.csv", "-n", networks["energy"]), "cannot be read"),
+        (("evaluate", networks["table"], "-n", networks["energy"], "-o", networks["table"]), "cannot be written"),
+        (("table", tmp_path / "none.h5", "-o", tmp_path / "t.csv"), "no such database"),
+    ):
+        code, said = run(*arguments)
+        assert (code, message in said) == (2, True), said
+        assert len(said.strip().splitlines()) == 1

@@ -1,0 +1,269 @@
+"""Predictions: bits that depend on nothing else, the exact properties of the foundation, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.integrate import trapezoid
+from torch import Tensor
+
+from surrogate.data.samples import Plates
+from surrogate.errors import PredictionError
+from surrogate.network.checkpoint import EnergyOptions, Model, PaperOptions, Provenance, save
+from surrogate.network.foundation import Foundation, Slide
+from surrogate.network.model import CHUNK, Energy, roughness
+from surrogate.network.predict import Prediction, Predictor
+
+POINTS, WHEELS, AXLES = 17, 7, 11
+LOAD = 170.0
+PROVENANCE = {
+    "plates": Plates(), "surface_seeds": (0, 999), "packing_seeds": (0, 255),
+    "faces": "generated", "database": "", "seed": 0, "training": 1, "validation": 1, "points": POINTS,
+    "max_height": (0.0, 1.0), "levels": (3,), "hurst_exponent": (0.0, 1.0), "micro_friction": (0.0, 1.0),
+    "validation_error": {}, "validation_r2": 1.0, "versions": {},
+}  # fmt: skip
+
+
+def stored(path: Path, model: Model, options: EnergyOptions | PaperOptions) -> Path:
+    save(path, model, Provenance(options=options, **PROVENANCE))  # type: ignore[arg-type]
+    return path
+
+
+def network(architecture: str) -> tuple[Model, EnergyOptions | PaperOptions]:
+    """Random weights: every layer counts."""
+    torch.manual_seed(0)
+    options = EnergyOptions([3e4, 1e5], LOAD) if architecture == "energy" else PaperOptions(POINTS)
+    model = options.build()
+    if isinstance(model, Energy):
+        for parameter in model.parameters():
+            torch.nn.init.normal_(parameter, std=0.3)
+        model.lost.fill_(0.1)
+        model.scale.fill_(0.5)
+    else:
+        model.low[0], model.range[0] = -0.02, 0.04
+    return model, options
+
+
+@pytest.fixture(scope="module", params=["energy", "paper"])
+def predictor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Predictor:
+    with torch.random.fork_rng(devices=[]):
+        model, options = network(request.param)
+    return Predictor(stored(tmp_path_factory.mktemp("network") / "m.safetensors", model, options))
+
+
+def faces() -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.float32]], ...]:
+    rng = np.random.default_rng(1)
+    rms = rng.uniform(0.002, 0.012, WHEELS)[:, None, None]
+    wheels = rng.standard_normal((WHEELS, POINTS, POINTS)) * rms
+    axles = rng.standard_normal((AXLES, 2 * POINTS - 1, POINTS)) * 0.004
+    return wheels.astype(np.float32), axles.astype(np.float32)
+
+
+WHEEL, AXLE = (grid.ravel() for grid in np.meshgrid(np.arange(WHEELS), np.arange(AXLES), indexing="ij"))
+COEFFICIENTS = np.linspace(0.03, 0.09, len(WHEEL))
+
+
+def same(one: Prediction, other: Prediction, rows: object = slice(None)) -> bool:
+    return all(np.array_equal(getattr(one, name)[rows], getattr(other, name)) for name in ("mean", "spread", "held"))
+
+
+def test_bits_of_a_pair_depend_on_no_other(predictor: Predictor) -> None:
+    wheels, axles = faces()
+    assert len(WHEEL) % CHUNK  # the last chunk is not full
+    whole = predictor(wheels, axles, WHEEL, AXLE, COEFFICIENTS)
+    assert len(np.unique(whole.mean)) > 50
+    rng = np.random.default_rng(2)
+    orders = [rng.permutation(len(WHEEL)), np.tile(rng.permutation(len(WHEEL)), 9), rng.permutation(len(WHEEL))[:13]]
+    for rows in [*orders, *np.arange(len(WHEEL))[:, None]]:
+        part = predictor(wheels, axles, WHEEL[rows], AXLE[rows], COEFFICIENTS[rows])
+        assert same(whole, part, rows)
+    for wheel, axle in zip(WHEEL[::5], AXLE[::5], strict=True):  # nor on the surfaces that come with it
+        row = wheel * AXLES + axle
+        alone = predictor(
+            wheels[[wheel]], axles[[axle]], np.zeros(1, np.int64), np.zeros(1, np.int64), COEFFICIENTS[[row]]
+        )
+        assert same(whole, alone, [row])
+
+
+def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
+    """Whatever their order, and for each of the micro coefficients that they are asked for in turn."""
+    predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
+    wheels, axles = (torch.from_numpy(heights) for heights in faces())
+    assert isinstance(predictor.model, Energy)
+    with torch.inference_mode():
+        slopes, features = predictor.model.prepare(wheels, axles, torch.from_numpy(WHEEL), torch.from_numpy(AXLE))
+        laws, held = predictor.model.laws(slopes, features), predictor.model.holds(features)
+    rows = np.random.default_rng(3).permutation(len(WHEEL))[:50]
+    for micro in (0.03, 0.09):
+        whole = predictor(*faces(), WHEEL, AXLE, micro)
+        assert same(whole, predictor.answer(laws, held, micro))
+        assert same(whole, predictor.answer(laws[rows], held[rows], np.full(50, micro)), rows)
+    with pytest.raises(PredictionError, match="micro coefficient is not finite"):
+        predictor.answer(laws, held, np.inf)
+
+
+def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = network("energy")[0]
+    assert isinstance(model, Energy)
+    wheels, axles = (torch.from_numpy(heights) for heights in faces())
+    pairs = torch.from_numpy(WHEEL), torch.from_numpy(AXLE)
+    slopes, features = model.prepare(wheels, axles, *pairs)
+    known = torch.stack([*map(roughness, wheels)]), torch.stack([*map(roughness, axles)])
+    monkeypatch.setattr("surrogate.network.model.roughness", lambda face: pytest.fail("it was measured"))
+    again, unchanged = model.prepare(wheels, axles, *pairs, uneven=known)
+    assert torch.equal(again, slopes)
+    assert torch.equal(unchanged, features)
+    _, rougher = model.prepare(wheels, axles, *pairs, uneven=(2.0 * known[0], 2.0 * known[1]))
+    assert torch.equal(rougher[:, :2], 2.0 * features[:, :2])
+
+
+def test_none_asked_none_answered(predictor: Predictor) -> None:
+    empty = np.zeros(0, np.int64)
+    assert len(predictor(*faces(), empty, empty, 0.07).held) == 0
+
+
+@pytest.mark.parametrize("pairs", [([WHEELS], [0]), ([-1], [0]), ([0], [AXLES]), ([0, 1], [0])])
+def test_pairs_of_surfaces_that_are_not_there(predictor: Predictor, pairs: tuple[list[int], list[int]]) -> None:
+    wheel, axle = (np.array(which) for which in pairs)
+    with pytest.raises(PredictionError, match="not there"):
+        predictor(np.zeros((WHEELS, POINTS, POINTS)), np.zeros((AXLES, 2 * POINTS - 1, POINTS)), wheel, axle, 0.07)
+
+
+def test_global_state_is_left(predictor: Predictor) -> None:
+    before, threads = torch.get_rng_state(), torch.get_num_threads()
+    predictor(*faces(), WHEEL, AXLE, 0.07)
+    assert torch.equal(before, torch.get_rng_state())
+    assert torch.get_num_threads() == threads
+    assert torch.is_grad_enabled()
+
+
+def test_affine_in_the_micro_coefficient(tmp_path: Path) -> None:
+    predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
+    at = {micro: predictor(*faces(), WHEEL, AXLE, micro).mean for micro in (0.0, 0.05, 1.0)}
+    # double precision throughout: coefficients of order 1
+    np.testing.assert_allclose(at[0.05], 0.05 * at[1.0] + 0.95 * at[0.0], atol=1e-15, rtol=0.0)
+
+
+def test_lost_contact_is_flagged(tmp_path: Path) -> None:
+    predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
+    wheels, axles = np.zeros((1, POINTS, POINTS)), np.zeros((2, 2 * POINTS - 1, POINTS))
+    axles[1, POINTS + 3 :] = -0.05  # the wheel, held at its height, ends over a hollow but for four rows
+    said = predictor(wheels, axles, np.zeros(2, np.int64), np.arange(2), 0.07)
+    assert said.held.tolist() == [True, True]
+    axles[1, POINTS:] = -0.05  # but for one row of 17, and the share that holds is 0.1
+    assert predictor(wheels, axles, np.zeros(2, np.int64), np.arange(2), 0.07).held.tolist() == [True, False]
+
+
+def test_wrong_grids_and_values_are_refused(predictor: Predictor) -> None:
+    wheels, axles = faces()
+    one = np.zeros(1, np.int64)
+    with pytest.raises(PredictionError, match=r"wheel have the shape \(7, 9, 9\), not \(any, 17, 17\)"):
+        predictor(wheels[:, ::2, ::2], axles, one, one, 0.07)
+    with pytest.raises(PredictionError, match=r"axle have the shape \(11, 17, 17\)"):
+        predictor(wheels, axles[:, :17], one, one, 0.07)
+    with pytest.raises(PredictionError, match=r"wheel have the shape \(17, 17\)"):
+        predictor(wheels[0], axles, one, one, 0.07)
+    with pytest.raises(PredictionError, match="micro coefficient is not finite"):
+        predictor(wheels, axles, one, one, np.array([np.nan]))
+    axles[4, 3, 2] = np.inf
+    with pytest.raises(PredictionError, match="surface 4 of the axle has heights that are not finite"):
+        predictor(wheels, axles, one, one, 0.07)
+
+
+def doubles(count: int = 3, points: int = 9, seed: int = 0) -> tuple[Tensor, Tensor]:
+    rng = np.random.default_rng(seed)
+    wheel, axle = rng.standard_normal((count, points, points)), rng.standard_normal((count, 2 * points - 1, points))
+    return torch.from_numpy(0.004 * wheel), torch.from_numpy(0.004 * axle)
+
+
+def test_foundation_against_bisection() -> None:
+    wheel, axle = doubles()
+    stiffness = [2e4, 1e5]
+    slide = Foundation(stiffness, LOAD, 5).slide(wheel, axle)
+    for pair in range(3):
+        sums = np.stack([(wheel[pair] + axle[pair, s : s + 9]).numpy() for s in (0, 2, 4, 6, 8)])
+        for k, K in enumerate(stiffness):
+            low, high = -1.0, 1.0
+            for _ in range(60):
+                z = 0.5 * (low + high)
+                low, high = (z, high) if K * np.clip(sums[0] - z, 0.0, None).mean() > LOAD else (low, z)
+            overlap = np.clip(sums - low, 0.0, None)
+            load, energy = K * overlap.mean((1, 2)), 0.5 * K * (overlap**2).mean((1, 2))
+            mean, stored = trapezoid(load, dx=0.25), trapezoid(energy, dx=0.25)
+            # a step of less than 1e-5 of the overlap is the last one, and Newton's next would be far smaller
+            expected = ((energy[-1] - energy[0]) / mean, mean / LOAD, load.min() / LOAD, stored / mean)
+            assert [float(column[pair, k]) for column in slide] == pytest.approx(expected, rel=1e-5)
+
+
+def test_gradient_of_the_foundation() -> None:
+    """Central differences in double precision; random heights have no two nodes at the rest height."""
+    foundation = Foundation([2e4, 1e5], LOAD, 3)
+    given = tuple(heights.requires_grad_() for heights in doubles(1, 5))
+
+    def slide(wheel: Tensor, axle: Tensor) -> tuple[Tensor, ...]:
+        return tuple(1e3 * column if at == 3 else column for at, column in enumerate(foundation.slide(wheel, axle)))
+
+    assert torch.autograd.gradcheck(slide, given, eps=1e-8, atol=1e-3, rtol=1e-3)  # heights of 4e-3
+
+
+def test_scaled_heights_on_a_softer_foundation() -> None:
+    """c times higher on K/c: the same pressures, c times the energies."""
+    wheel, axle = doubles()
+    one, other = (
+        Foundation([2e4, 1e5], LOAD).slide(wheel, axle),
+        Foundation([1e4, 5e4], LOAD).slide(2.0 * wheel, 2.0 * axle),
+    )
+    expected = Slide(2.0 * one.b, one.load, one.least, 2.0 * one.depth)
+    torch.testing.assert_close(tuple(other), tuple(expected), rtol=1e-9, atol=0.0)
+
+
+def test_a_plane_more_or_less_changes_nothing() -> None:
+    wheel, axle = doubles()
+    foundation = Foundation([2e4, 1e5], LOAD)
+    raised = foundation.slide(wheel + 0.01, axle - 0.02)
+    torch.testing.assert_close(tuple(raised), tuple(foundation.slide(wheel, axle)), rtol=1e-9, atol=1e-15)
+
+
+def test_reversed_slide_changes_the_sign_of_b_alone() -> None:
+    """An axle whose second half repeats the first but for a mirrored, lowered half of its nodes: see below.
+
+    The height is set at the start; where the start and the end carry the load at the same height, the reversed slide
+    is the same one backwards: b changes sign, and all features stay.
+    """
+    stiffness = 1e4
+    d = LOAD / stiffness
+    wheel, axle = torch.zeros(1, 5, 5), torch.zeros(1, 9, 5)
+    axle[0, 5:] = d * torch.tensor([1.0, -1.0] * 10).reshape(4, 5)
+    model = Energy([stiffness], LOAD)
+    pair = torch.zeros(1, dtype=torch.int64)
+    slopes, features = model.prepare(wheel, axle, pair, pair)
+    back, unchanged = model.prepare(wheel.flip(1), axle.flip(1), pair, pair)
+    assert abs(float(slopes)) > 1e-3
+    torch.testing.assert_close(back, -slopes, rtol=1e-5, atol=0.0)
+    torch.testing.assert_close(unchanged, features, rtol=1e-5, atol=0.0)
+
+
+def test_exchanged_sides_change_nothing() -> None:
+    """Mirrored across the slide."""
+    wheel, axle = doubles()
+    model = Energy([2e4, 1e5], LOAD).double()
+    for one, other in zip(
+        model(wheel, axle, torch.full((3, 1), 0.07)), model(wheel.flip(2), axle.flip(2), torch.full((3, 1), 0.07)),
+        strict=True,
+    ):  # fmt: skip
+        torch.testing.assert_close(one, other, rtol=1e-9, atol=0.0)
+
+
+def test_roughness_sees_the_upper_half_alone() -> None:
+    face = torch.tensor([[0.0, 0.0, 3.0], [0.0, 0.0, 3.0], [-7.0, 0.0, 0.0]])
+    # two of nine nodes are 3 high; of six steps along and six across, one and two are of 3
+    torch.testing.assert_close(roughness(face), torch.tensor([2.0**0.5, (27.0 / 12.0) ** 0.5]))
+
+
+@pytest.mark.parametrize(("stiffness", "positions"), [([1e5, 3e4], 5), ([], 5), ([-1.0], 5), ([1e5], 1)])
+def test_foundations_that_are_none(stiffness: list[float], positions: int) -> None:
+    with pytest.raises(ValueError, match="rise from above 0"):
+        Foundation(stiffness, LOAD, positions)

@@ -1,0 +1,235 @@
+"""The tiles of a press-fit: the network's own bits whatever was asked before, and what is computed how often."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from untrained import untrained
+
+import surrogate.tiles
+from macrofit.base.arrays import IntArray
+from surrogate.data.faces import generated
+from surrogate.data.samples import Plates
+from surrogate.errors import CheckpointError, PredictionError
+from surrogate.network.checkpoint import EnergyOptions, PaperOptions, Provenance, save
+from surrogate.network.model import CHUNK
+from surrogate.network.predict import Prediction, Predictor
+from surrogate.tiles import AHEAD, Tiles, predictor, shared
+
+POINTS, SEED = 9, 3
+COUNTS = 14, 11
+KEYS: dict[str, Any] = {"levels": 3, "max_height": 0.03, "hurst_exponent": 0.7}
+SURFACE = tuple(KEYS.items())
+SEAT, BORE = (tiles.ravel() for tiles in np.meshgrid(*map(np.arange, COUNTS), indexing="ij"))
+
+
+def network(options: EnergyOptions | PaperOptions, path: Path) -> Predictor:
+    """Of random weights: every layer counts, and no two members agree."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        model = options.build()
+        if isinstance(options, EnergyOptions):
+            for parameter in model.parameters():
+                torch.nn.init.normal_(parameter, std=0.3)
+            model.lost.fill_(0.6)
+    about = Provenance(
+        options=options, faces="generated", database="", seed=0, training=0, validation=0, points=POINTS,
+        plates=Plates(), surface_seeds=(0, 999), packing_seeds=(0, 9), max_height=(0.0, 1.0), levels=(3,),
+        hurst_exponent=(0.0, 1.0), micro_friction=(0.0, 1.0), validation_error={}, validation_r2=0.0, versions={},
+    )  # fmt: skip
+    save(path, model, about)
+    return Predictor(path)
+
+
+@pytest.fixture(scope="module")
+def energy(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
+    options = EnergyOptions(stiffness=[3e4, 1e5], load=170.0, members=3)
+    return network(options, tmp_path_factory.mktemp("network") / "energy.safetensors")
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
+    return network(PaperOptions(POINTS), tmp_path_factory.mktemp("network") / "paper.safetensors")
+
+
+def tiles(asked: Predictor) -> Tiles:
+    return Tiles(asked, SEED, SURFACE, COUNTS)
+
+
+def directly(asked: Predictor, micro: float) -> Prediction:
+    """Of all pairs, from all faces."""
+    axles, wheels = (
+        np.stack([generated(body, 65536 * SEED + tile, **KEYS, points=POINTS) for tile in range(count)])  # type: ignore[arg-type]
+        for body, count in zip(("axle", "wheel"), COUNTS, strict=True)
+    )
+    return asked(wheels, axles, BORE, SEAT, micro)
+
+
+def same(whole: Prediction, rows: IntArray, part: Prediction) -> bool:
+    return all(np.array_equal(getattr(whole, name)[rows], getattr(part, name)) for name in ("mean", "spread", "held"))
+
+
+def diagonal(place: int) -> IntArray:
+    """The pairs that touch when the wheel is on so many tiles of the seat."""
+    return np.flatnonzero(place == SEAT + BORE)
+
+
+ROWS = np.arange(len(SEAT))
+MIXED = np.random.default_rng(1).permutation(ROWS)
+BATCHES: dict[str, list[IntArray]] = {
+    "pressed": [diagonal(place) for place in range(sum(COUNTS) - 1)],
+    "in large steps": [diagonal(place) for place in range(0, sum(COUNTS) - 1, 5)],
+    "drawn off": [diagonal(place) for place in reversed(range(sum(COUNTS) - 1))],
+    "first of two ranks": [np.array_split(diagonal(place), 2)[0] for place in range(sum(COUNTS) - 1)],
+    "second of two ranks": [np.array_split(diagonal(place), 2)[1] for place in range(sum(COUNTS) - 1)],
+    "one by one": list(MIXED[:, None]),
+    "all": [ROWS],
+    "with pairs twice": [np.tile(MIXED[:40], 3), MIXED],
+    "at random": np.array_split(MIXED, 7),
+}
+
+
+@pytest.mark.parametrize("batches", BATCHES.values(), ids=BATCHES.keys())
+def test_the_networks_own_bits_in_any_batches(energy: Predictor, batches: list[IntArray]) -> None:
+    """For two micro coefficients in turn, which change places from batch to batch."""
+    whole = {micro: directly(energy, micro) for micro in (0.03, 0.08)}
+    assert len(np.unique(whole[0.03].mean)) == len(ROWS)
+    assert 0 < whole[0.03].held.sum() < len(ROWS)
+    asked = tiles(energy)
+    for number, rows in enumerate(batches):
+        for micro in (0.03, 0.08)[:: 1 - 2 * (number % 2)]:
+            assert same(whole[micro], rows, asked.predict(SEAT[rows], BORE[rows], micro))
+
+
+def test_the_papers_network_is_asked_itself(paper: Predictor) -> None:
+    whole, asked = directly(paper, 0.05), tiles(paper)
+    for rows in (MIXED[:20], MIXED[10:30]):
+        assert same(whole, rows, asked.predict(SEAT[rows], BORE[rows], 0.05))
+    assert asked.prepared == 0
+
+
+def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is asked again, and for another micro coefficient; the rest of a chunk is for pairs to come."""
+    drawn: list[tuple[str, int]] = []
+
+    def counted(body: Any, seed: int, **keys: Any) -> Any:
+        drawn.append((body, seed))
+        return generated(body, seed, **keys)
+
+    monkeypatch.setattr("surrogate.tiles.generated", counted)
+    asked = tiles(energy)
+    for micro in (0.03, 0.08):
+        for rows in BATCHES["pressed"]:
+            asked.predict(SEAT[rows], BORE[rows], micro)
+        assert (asked.prepared, asked.faces) == (len(ROWS), sum(COUNTS))
+    assert len(drawn) == len(set(drawn)) == sum(COUNTS)
+
+
+def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
+    foundation: Any = energy.model.foundation
+    slide, slid = foundation.slide, []
+    monkeypatch.setattr(foundation, "slide", lambda wheel, axle: slid.append(len(wheel)) or slide(wheel, axle))
+
+    def ask(asked: Tiles, rows: IntArray) -> int:
+        asked.predict(SEAT[rows], BORE[rows], 0.05)
+        return asked.prepared
+
+    assert ask(tiles(energy), ROWS[:CHUNK]) == CHUNK  # nothing is left
+    assert slid == [CHUNK]
+    asked = tiles(energy)
+    ahead = [diagonal(place) for place in range(4, 5 + AHEAD)]
+    for rows in ahead:
+        assert ask(asked, rows) == sum(map(len, ahead)) < CHUNK
+    assert slid == [CHUNK, CHUNK]
+    asked = tiles(energy)
+    assert ask(asked, ROWS[-1:]) == 1  # nothing is ahead
+    assert asked.faces == 2
+
+
+def test_nearest_pairs_ahead_come_first(energy: Predictor) -> None:
+    """There is room for those that touch at the next place of the wheel, and for some of the one after it."""
+    asked = tiles(energy)
+    first = np.concatenate([diagonal(place) for place in range(9)])
+    for rows in (first, diagonal(9)):
+        asked.predict(SEAT[rows], BORE[rows], 0.05)
+        assert asked.prepared == CHUNK
+
+
+@pytest.mark.parametrize(
+    ("seat", "bore", "told"),
+    [
+        (14, 0, r"there is no tile 14 of the axle; they are numbered 0 \.\.\. 13"),
+        (65536, 0, "there is no tile 65536 of the axle"),
+        (-1, 3, "there is no tile -1 of the axle"),
+        (0, 11, r"there is no tile 11 of the wheel; they are numbered 0 \.\.\. 10"),
+        (0, -1, "there is no tile -1 of the wheel"),
+    ],
+)
+def test_a_tile_that_is_none(energy: Predictor, paper: Predictor, seat: int, bore: int, told: str) -> None:
+    """Neither is it another one, counted from the end, nor does it leave traces."""
+    for asked in (tiles(energy), tiles(paper)):
+        with pytest.raises(PredictionError, match=told):
+            asked.predict(np.array([1, seat, 2]), np.array([1, bore, 2]), 0.05)
+        with pytest.raises(PredictionError, match=told):
+            asked.heights("axle", seat) if "axle" in told else asked.heights("wheel", bore)
+        assert (asked.prepared, asked.faces) == (0, 0)
+
+
+def test_tiles_have_no_numbers_beyond_those_of_surfaces(energy: Predictor) -> None:
+    with pytest.raises(PredictionError, match=r"no tile 65536 of the wheel; they are numbered 0 \.\.\. 65535"):
+        Tiles(energy, SEED, SURFACE, (2, 70000)).heights("wheel", 65536)
+
+
+def test_a_surface_that_cannot_be_made(energy: Predictor) -> None:
+    asked = Tiles(energy, SEED, (*SURFACE[:2], ("hurst_exponent", 1.5)), COUNTS)
+    with pytest.raises(PredictionError, match="surface of the wheel: hurst_exponent"):
+        asked.predict(SEAT[:1], BORE[:1], 0.05)
+
+
+def test_a_micro_coefficient_that_is_none(energy: Predictor, paper: Predictor) -> None:
+    for asked in (tiles(energy), tiles(paper)):
+        with pytest.raises(PredictionError, match="micro coefficient is not finite"):
+            asked.predict(SEAT[:1], BORE[:1], float("nan"))
+
+
+def test_faces_are_those_of_the_seeds_and_read_only(energy: Predictor) -> None:
+    asked = tiles(energy)
+    for body, tile in (("axle", 13), ("wheel", 10)):
+        face = asked.heights(body, tile)  # type: ignore[arg-type]
+        assert np.array_equal(face, generated(body, 65536 * SEED + tile, **KEYS, points=POINTS))  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match="read-only"):
+            face[0, 0] = 1.0
+
+
+def test_a_network_is_read_again_if_its_file_changed(tmp_path: Path) -> None:
+    path = Path(untrained(tmp_path / "m.safetensors"))
+    first = predictor(path)
+    assert predictor(path) is first
+    untrained(path, stiffness=1e4)
+    os.utime(path, ns=(0, 0))  # whatever the clock says
+    second = predictor(path)
+    assert second.provenance != first.provenance
+    path.unlink()
+    with pytest.raises(CheckpointError, match="there is no such file"):
+        predictor(path)
+    assert predictor(None).provenance == Predictor().provenance
+
+
+def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predictor) -> None:
+    first = shared(energy, SEED, SURFACE, COUNTS)
+    assert shared(energy, SEED, SURFACE, COUNTS) is first
+    others = [
+        (paper, SEED, SURFACE, COUNTS),
+        (energy, SEED + 1, SURFACE, COUNTS),
+        (energy, SEED, (("levels", 2), *SURFACE[1:]), COUNTS),
+        (energy, SEED, SURFACE, (14, 12)),
+    ]
+    for other in others:
+        assert shared(*other) is not first
+    assert surrogate.tiles.shared.cache_info().currsize == 1
+    assert shared(energy, SEED, SURFACE, COUNTS) is not first
