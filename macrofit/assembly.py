@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
+from .base.files import cache_folder
+from .base.ranks import raise_together
 from .bodies.body import Body, CondensedBody, compile_form
-from .cache import cache_folder
 from .contact.condensed import Condensed
 from .contact.seat import Seat
 from .errors import SceneError
 from .friction import BuildContext, FrictionField, build
-from .parallel import SharedAsk, owner, raise_together
+from .parallel import SharedAsk, owner
 from .press import TILE, Engine, tiles
 from .scene.keys import Scene
 
@@ -107,7 +108,7 @@ def condense_bodies(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body]) -> tu
 
 def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBody) -> FrictionField:
     """The scene's provider, asked through all ranks. Raises ProviderError."""
-    material = scene.axle.material
+    material, folder = scene.axle.material, cache_folder()
     context = BuildContext(
         seat_tiles=tiles(seat.line.coordinate),
         bore_tiles=tiles(wheel.line.coordinate),
@@ -115,7 +116,7 @@ def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBod
         seat_origin=float(seat.line.coordinate[0]),
         youngs_modulus=material.youngs_modulus,
         poisson_ratio=material.poisson_ratio,
-        cache_dir=cache_folder(),
+        cache_dir=None if folder is None else str(folder),
     )
     name = scene.friction.provider
     with raise_together(comm):

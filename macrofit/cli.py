@@ -6,44 +6,42 @@ import os
 import signal
 import sys
 import time
-import traceback
-import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import __version__
+from .base.commands import (
+    BUG,
+    FILE,
+    INTERRUPTED,
+    SETTINGS,
+    USER_MISTAKE,
+    Commands,
+    complain,
+    few_threads,
+    say_bug,
+    set_option,
+)
+from .base.ranks import leave
 from .errors import MacrofitError
 from .presets import PRESETS, summary
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-USER_MISTAKE, INTERRUPTED, BUG = 2, 130, 1
 PATIENCE_S = 2.0
 """How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
-
-
-class Commands(click.Group):
-    """A group that says an error the user can mend on one line, and exits with 2."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that was asked for."""
-        try:
-            return super().invoke(ctx)
-        except MacrofitError as error:
-            complain(error)
-            ctx.exit(USER_MISTAKE)
 
 
 def changes(command: Callable[..., None]) -> Callable[..., None]:
     """The options that change a scene; the command gets both as ``overrides``."""
 
-    @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the scene.")
+    @set_option("the scene")
     @click.option(
         "--preset",
         type=click.Choice(list(PRESETS)),
@@ -56,17 +54,14 @@ def changes(command: Callable[..., None]) -> Callable[..., None]:
     return changed
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("macrofit", cls=Commands, context_settings=SETTINGS)
 @click.version_option(__version__, prog_name="macrofit")
 def main() -> None:
     """Press a railway wheel onto its axle: fitting curve, stresses, pressure along the seat.
 
     SCENE is the name of a built-in scene (see `macrofit scenes`) or a TOML file.
     """
-    # The small dense problems of an increment lose more to threads than they gain, and under mpirun the ranks
-    # would fight for the cores. Read when numpy is first imported; a value set by the user stays.
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
+    few_threads()
     # Alone, without mpirun, Open MPI would start a daemon for children that nobody will spawn.
     os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 
@@ -77,7 +72,7 @@ def main() -> None:
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Folder of the results [the scene's name].",
 )
 @changes
@@ -93,7 +88,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
-        from .parallel import raise_together
+        from .base.ranks import raise_together
         from .scene import load_scene
 
         with raise_together(comm):
@@ -124,7 +119,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
 )
 @changes
-@click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-study.")
+@click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -138,13 +133,13 @@ def study(
     keep: bool,
     quiet: bool,
 ) -> None:
-    """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
+    r"""Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
 
     Bodies are factored once for all runs. Writes study.csv, curves.csv, study.json and figures into a folder;
     stress fields only where the scene has output.fields_at.
 
     \b
-    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
+    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
     """
@@ -152,7 +147,7 @@ def study(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
-        from .parallel import raise_together
+        from .base.ranks import raise_together
         from .study.plan import plan_study
         from .study.run import carry_out_study
 
@@ -168,13 +163,13 @@ def study(
 @click.option(
     "--curve",
     required=True,
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Measured curve: two columns, displacement [mm] and force [N]; other units by the header.",
 )
 @click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
 @changes
-@click.option("-o", "--output", "folder", type=click.Path(path_type=Path), help="Folder [the scene's name]-identified.")
+@click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-identified.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def identify(
     scene: str,
@@ -226,10 +221,6 @@ def interval(text: str | None) -> tuple[float, float] | None:
 @contextmanager
 def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     """End every rank with the right code and one message: never a rank that waits for one that is gone."""
-    # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
-    with suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-    warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
     try:
         yield
     except MacrofitError as error:  # raised on every rank together
@@ -245,22 +236,8 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     except Exception:
         if comm.size == 1:
             raise
-        click.echo(f"macrofit: rank {comm.rank} of {comm.size} failed\n{traceback.format_exc()}", err=True)
+        say_bug(comm.rank, comm.size)
         leave(comm, BUG)
-
-
-def leave(comm: MPI.Comm, code: int) -> NoReturn:
-    """Exit, and under mpirun take along the ranks that may be waiting for this one."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    if comm.size > 1:
-        comm.Abort(code)
-    sys.exit(code)
-
-
-def complain(error: object) -> None:
-    """Say what went wrong, on one line."""
-    click.echo(f"macrofit: {' '.join(str(error).split())}", err=True)
 
 
 @main.command()
@@ -321,9 +298,9 @@ def schema() -> None:
 
 
 @main.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.argument("folders", nargs=-1, required=True, type=FILE, metavar="DIR...")
 @click.option(
-    "-o", "--output", "target", type=click.Path(path_type=Path), default=Path("fitting_curves.png"),
+    "-o", "--output", "target", type=FILE, default=Path("fitting_curves.png"),
     show_default=True, help="The figure.",
 )  # fmt: skip
 def plot(folders: tuple[Path, ...], target: Path) -> None:

@@ -1,35 +1,12 @@
-"""What ranks share: errors raised together, and a provider's batch divided among them."""
+"""How ranks divide the work: who holds which body, and a provider's batch in parts."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 from mpi4py import MPI
 
+from .base.ranks import raise_together
 from .friction import FrictionProvider, PairFriction, TilePairs, answered
-
-
-@contextmanager
-def raise_together(comm: MPI.Comm) -> Iterator[None]:
-    """Run rank-local work that may fail; where any rank failed, every rank raises. Collective.
-
-    A rank raises its own error, the others that of the lowest failing rank.
-    """
-    error: BaseException | None = None
-    try:
-        yield
-    except Exception as caught:
-        error = caught
-    if comm.size == 1:
-        if error is not None:
-            raise error
-        return
-    errors = comm.allgather(error)
-    first = error or next((other for other in errors if other is not None), None)
-    if first is not None:
-        raise first
 
 
 def summed(comm: MPI.Comm, counters: dict[str, int]) -> dict[str, int]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from .base.ranks import raise_together
 from .errors import MacrofitError
 from .monitor import Monitor, Several, Silent, on_screen
-from .parallel import raise_together
 from .results.folder import (
     JOURNAL,
     SUMMARY,

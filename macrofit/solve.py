@@ -8,8 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
+from .base.ranks import raise_together
 from .monitor import Monitor, Silent
-from .parallel import raise_together, summed
+from .parallel import summed
 from .press import Press, State
 from .scene import Scene
 from .solution import Increment, Journal, Solution, energy_balance, force_balance

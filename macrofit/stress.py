@@ -9,10 +9,11 @@ import numpy as np
 
 from .assembly import Assembly
 from .base.arrays import FloatArray
+from .base.ranks import raise_together
 from .bodies.body import Body
 from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
-from .parallel import owner, raise_together
+from .parallel import owner
 from .press import State
 from .scene.keys import Scene
 from .solution import BodyField, Extreme

@@ -8,7 +8,6 @@ modulus E_M, to which it is proportional. The tests are static, one sparse solve
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
@@ -20,6 +19,8 @@ from scipy.optimize import brentq
 from scipy.sparse import diags
 
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
+from macrofit.base.files import write_text
+from macrofit.base.toml import dump_toml, parse_toml
 
 from . import kernels
 from .errors import OutputError, SettingsError
@@ -84,12 +85,8 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         Raises:
             OutputError: the file cannot be written.
         """
-        values = msgspec.to_builtins(self)
-        text = "".join(f"{key} = {list(v) if isinstance(v, tuple) else v!r}\n" for key, v in values.items())
-        try:
-            path.write_text(f"# Written by meso.calibrate; means over packings and over the three axes.\n{text}")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written: {error}") from None
+        text = dump_toml(msgspec.to_builtins(self))
+        write_text(path, f"# Written by meso.calibrate; means over packings and over the three axes.\n{text}")
 
 
 class Influence(msgspec.Struct, frozen=True, kw_only=True):
@@ -118,11 +115,11 @@ def read_calibration(text: str, source: str = "calibration") -> Calibration:
     """A calibration from TOML.
 
     Raises:
-        OutputError: it is not one.
+        OutputError, TomlError: it is not one.
     """
     try:
-        return msgspec.convert(tomllib.loads(text), Calibration)
-    except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+        return msgspec.convert(parse_toml(text, source), Calibration)
+    except msgspec.ValidationError as error:
         raise OutputError(f"{source}: not a calibration: {error}; run macrofit-meso calibrate again") from None
 
 

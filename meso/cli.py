@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from .errors import MesoError, OutputError
+from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
+from macrofit.base.errors import OutputError
+from macrofit.base.material import POISSON_RATIO, YOUNGS_MODULUS
 
 if TYPE_CHECKING:
     from .settings import Settings
 
-USER_MISTAKE, INTERRUPTED = 2, 130
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 """Of the figures of a calibration [-]."""
 MODULI = (0.5, 1.0, 1.5, 2.0)
@@ -27,56 +23,18 @@ LIGHT_CUBE = 1000
 """Spheres, at most, in the cube that is pulled for these figures: 32 pairs of parameters take some seconds."""
 
 
-class Commands(click.Group):
-    """A group that says an error the user can mend on one line, and exits with 2; an interruption with 130."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that was asked for."""
-        with suppress(ValueError):  # not in the main thread
-            # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            with _warnings_on_one_line():
-                return super().invoke(ctx)
-        except MesoError as error:
-            complain(error)
-            ctx.exit(USER_MISTAKE)
-        except KeyboardInterrupt:
-            complain("interrupted")
-            ctx.exit(INTERRUPTED)
-
-
-@contextmanager
-def _warnings_on_one_line() -> Iterator[None]:
-    """Say a warning in the words of the command, without the place in the code."""
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
-        yield
-
-
-def complain(message: object) -> None:
-    """Say what went wrong, on one line."""
-    click.echo(f"macrofit-meso: {' '.join(str(message).split())}", err=True)
-
-
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("macrofit-meso", cls=Commands, context_settings=SETTINGS)
 @click.version_option(package_name="macrofit", prog_name="macrofit-meso")
 def main() -> None:
     """Rough plates of spheres and beams, squeezed and slid over each other: the friction their roughness gives.
 
     SETTINGS is a TOML file; without it every key has its default. Lengths are in mm, forces in N, moduli in MPa.
     """
-    # The kernels are serial and the blocks small: threads would only fight for the cores with other runs.
-    # Read when numpy and numba are first imported; a value set by the user stays.
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
+    few_threads()
 
 
-FILE = click.Path(path_type=Path)
 settings_argument = click.argument("settings", required=False, type=FILE)
-set_option = click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the settings."
-)
+set_settings = set_option("the settings")
 
 
 def numbers(context: click.Context, option: click.Parameter, text: str | None) -> tuple[float, ...]:
@@ -92,7 +50,7 @@ def numbers(context: click.Context, option: click.Parameter, text: str | None) -
 @click.option(
     "-o", "--output", "folder", type=FILE, default=Path("meso-run"), show_default=True, help="Folder of the results."
 )
-@set_option
+@set_settings
 @click.option("--engine", type=click.Choice(["auto", "quasi-static", "explicit"]), help="Instead of the settings'.")
 @click.option("--micro-friction", callback=numbers, metavar="MU[,MU...]", help="Instead of the settings'.")
 @click.option("--no-figures", is_flag=True, help="Write data only.")
@@ -138,7 +96,7 @@ def run(
 @click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth).")
 @click.option("--seed", type=int, help="Of the random heights.")
 @click.option("--generator", type=click.Choice(["diamond_square", "self_affine"]), help="How the heights are made.")
-@set_option
+@set_settings
 def surface(
     targets: tuple[Path, ...],
     body: Literal["wheel", "axle"],
@@ -177,7 +135,7 @@ def surface(
     "-o", "--output", "targets", multiple=True, type=FILE, metavar="FILE", default=("plates.vtu", "plates.png"),
     show_default=True, help="Spheres and beams (.vtu, .vtk) or their picture (.png); several may be given.",
 )  # fmt: skip
-@set_option
+@set_settings
 def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[str, ...]) -> None:
     """Pack the two plates of the settings, print their measures, and write them for a look."""
     for target in targets:
@@ -196,8 +154,9 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
         click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
     for target in targets:
         if target.suffix.lower() == ".png":
+            from macrofit.base.figure import save
+
             from .figures.plates import plates_seen
-            from .figures.style import save
 
             save(plates_seen(plates), target)
         else:
@@ -206,8 +165,8 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
 
 
 @main.command()
-@click.option("--poisson-ratio", type=float, default=0.3, show_default=True, help="Of the material.")
-@click.option("--youngs-modulus", type=float, default=210e3, show_default=True, help="Of the material [MPa].")
+@click.option("--poisson-ratio", type=float, default=POISSON_RATIO, show_default=True, help="Of the material.")
+@click.option("--youngs-modulus", type=float, default=YOUNGS_MODULUS, show_default=True, help="Of the material [MPa].")
 @click.option("--spheres", type=click.IntRange(100), default=2000, show_default=True, help="In each packing.")
 @click.option("--packings", type=click.IntRange(1), default=10, show_default=True, help="Number of them.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the packings.")
@@ -230,10 +189,11 @@ def calibrate(
     Tensile tests on packed cubes of 1 mm give the radius ratio of the beams from the Poisson ratio, then their modulus
     from Young's modulus.
     """
+    from macrofit.base.files import write_text
+
     from .calibrate import calibrate as find
     from .calibrate import influence
     from .calibrate import sample as draw_boxes
-    from .files import replacing
     from .material import Material
     from .results.summary import settings_of
 
@@ -243,11 +203,9 @@ def calibrate(
         f"Pulling         {packings} cubes of {spheres} spheres, about {1 + 3e-3 * packings * spheres:.0f} s ..."
     )
     found = find(material, spheres=spheres, packings=packings, seed=seed)
-    with replacing(folder / "calibration.toml") as draft:
-        found.write(draft)
+    found.write(folder / "calibration.toml")
     beams = found.beams(youngs_modulus)
-    with replacing(folder / "beams.toml") as draft:
-        draft.write_text(settings_of(material, beams))
+    write_text(folder / "beams.toml", settings_of(material, beams))
     elapsed = time.perf_counter() - started
     click.echo(f"Radius ratio    {beams.radius_ratio:.4f} for a Poisson ratio of {poisson_ratio:g}  ({elapsed:.1f} s)")
     click.echo(
@@ -259,8 +217,9 @@ def calibrate(
         f" from packing to packing (standard deviations{'' if packings > 1 else '; one packing has none'})"
     )
     if not no_figures:
+        from macrofit.base.figure import save
+
         from .figures.plates import influence_modulus, influence_radius
-        from .figures.style import save
 
         started = time.perf_counter()
         (cube,) = draw_boxes("influence", seed, spheres=min(spheres, LIGHT_CUBE), packings=1)

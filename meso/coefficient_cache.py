@@ -14,10 +14,10 @@ from pathlib import Path
 
 import msgspec
 
+from macrofit.base.files import replacing
 from macrofit.base.provenance import code_hash, version
 
 from .errors import MesoError, OutputError
-from .files import replacing
 from .settings import Settings
 
 PACKAGE = Path(__file__).parent

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from macrofit.base import errors as base
+from macrofit.base.errors import MacrofitError, OutputError
+
+__all__ = ["MesoError", "OutputError", "PackingError", "SettingsError", "StabilityError", "SurfaceError"]
 
 
-class MesoError(base.MacrofitError):
-    """Anything the user can mend: the command line prints the message on one line and exits with 2."""
+class MesoError(MacrofitError):
+    """Anything about the plates that the user can mend."""
 
 
 class SettingsError(MesoError):
@@ -23,7 +25,3 @@ class PackingError(MesoError):
 
 class StabilityError(MesoError):
     """An explicit run whose time step is above its limit, or that left the realm of finite numbers."""
-
-
-class OutputError(MesoError, base.OutputError):
-    """A result or a cache that cannot be written or read back."""

@@ -81,8 +81,10 @@ def slide(nx, ny, nz, bound, stiffness, tx, ty, tz, sx, sy, sz):
 
 @njit(cache=True, fastmath=FAST)
 def anchor_forces(u, f, anchored, anchors):
-    """Add the forces of the external faces: f_z -= k_n u_z, f_x -= k_s u_x + k_c t_y, f_y -= k_s u_y - k_c t_x,
-    and the moments that belong to them."""
+    """Add the forces of the external faces, and the moments that belong to them.
+
+    f_z -= k_n u_z, f_x -= k_s u_x + k_c t_y, f_y -= k_s u_y - k_c t_x.
+    """
     for a in range(len(anchored)):
         i = anchored[a]
         kn, ks, kc, kr, kt = anchors[a, 0], anchors[a, 1], anchors[a, 2], anchors[a, 3], anchors[a, 4]

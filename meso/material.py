@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+
+from macrofit.base.material import DENSITY, ElasticMaterial
 
 from .errors import SettingsError
 
@@ -14,19 +16,14 @@ ExternalFace = Literal["solid", "beams"]
 """How they resist shear: see `meso.lattice.lattice.build`."""
 
 
-class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An isotropic elastic solid, by default steel (EN 13261 axle steel, as in the press-fit solver).
+class Material(ElasticMaterial, frozen=True):
+    """An isotropic elastic solid, by default axle steel, as in the press-fit solver.
 
     Raises:
         SettingsError: a modulus or density that is not positive, a Poisson ratio outside -1 ... 0.5.
     """
 
-    youngs_modulus: float = 210e3
-    """E_M [MPa]."""
-    poisson_ratio: float = 0.3
-    """nu_M [-]."""
-    density: float = 7.85e-9
-    """rho_M [t/mm3]."""
+    density: Annotated[float, msgspec.Meta(description="Density rho [t/mm3]", gt=0.0, le=10.0)] = DENSITY
 
     def __post_init__(self) -> None:
         if not (1.0 <= self.youngs_modulus <= 1e8 and 0.0 < self.density <= 10.0):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from typing import IO, Any, Protocol
+from collections.abc import Callable
+from typing import IO, Protocol
+
+from macrofit.base.progress import Bar, say, way_of_showing
 
 
 class Monitor(Protocol):
@@ -60,7 +62,7 @@ class Lines:
     def done(self, text: str) -> None:
         """Say what came of the stage and how long it took."""
         now = time.perf_counter()
-        print(f"{text}  ({now - self._since:.2f} s)", file=self._stream or sys.stdout, flush=True)
+        say(f"{text}  ({now - self._since:.2f} s)", self._stream)
         self._since = now
 
     def finished(self) -> None:
@@ -71,43 +73,33 @@ class Progress:
     """A live bar with the stage and the time since the start, for a terminal; what is done is listed above it."""
 
     def __init__(self) -> None:
-        self._bar: Any = None
-        self._task: Any = None
+        self._bar = Bar("BarColumn", "MofNCompleteColumn", "TimeElapsedColumn", "{task.description}", transient=True)
         self._since = time.perf_counter()
+        self._done = 0
 
     def started(self, stages: int) -> None:
         """Show the bar."""
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-        from rich.progress import Progress as Bar
-
-        columns = (BarColumn(bar_width=30), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        self._bar = Bar(*columns, refresh_per_second=4, transient=True)
-        self._bar.start()
-        self._task = self._bar.add_task("", total=stages)
+        self._bar.start(stages)
         self._since = time.perf_counter()
 
     def stage(self, text: str) -> None:
         """Show what is going on."""
-        if self._bar is not None:
-            self._bar.update(self._task, description=text, refresh=True)
+        self._bar.update(description=text, at_once=True)
 
     def done(self, text: str) -> None:
         """Move the bar, and list what came of the stage."""
-        if self._bar is not None:
-            now = time.perf_counter()
-            self._bar.console.print(f"{text}  ({now - self._since:.2f} s)", markup=False, highlight=False)
-            self._bar.advance(self._task)
-            self._since = now
+        now = time.perf_counter()
+        self._bar.print(f"{text}  ({now - self._since:.2f} s)")
+        self._done += 1
+        self._bar.update(completed=self._done, at_once=True)
+        self._since = now
 
     def finished(self) -> None:
         """Take the bar away and give the terminal back."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
+        self._bar.stop()
 
 
 def on_screen(*, quiet: bool) -> Monitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    if quiet:
-        return Silent()
-    return Progress() if sys.stdout.isatty() else Lines()
+    ways: dict[str, Callable[[], Monitor]] = {"bar": Progress, "lines": Lines, "nothing": Silent}
+    return ways[way_of_showing(quiet=quiet)]()

@@ -5,14 +5,14 @@ Lengths in mm, forces in N, moduli and pressures in MPa, speeds in mm/s.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+
+from macrofit.base.toml import dump_toml, read_toml, set_key, split_override, unknown_key
 
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material
@@ -193,18 +193,11 @@ def load(source: str | Path | None = None, overrides: Iterable[str] = ()) -> Set
     """Settings from a TOML file (None: all defaults), changed by ``key=value`` overrides with dotted keys.
 
     Raises:
-        SettingsError: one line that names the file or the key.
+        SettingsError, TomlError: one line that names the file or the key.
     """
-    tables: dict[str, Any] = {}
-    if source is not None:
-        try:
-            tables = tomllib.loads(Path(source).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise SettingsError(f"{source}: cannot be read: {error}") from None
-        except tomllib.TOMLDecodeError as error:
-            raise SettingsError(f"{source}: not valid TOML: {error}") from None
+    tables: dict[str, Any] = {} if source is None else read_toml(Path(source))
     for override in overrides:
-        _override(tables, override)
+        set_key(tables, *split_override(override, "load.pressure=100"))
     return decode(tables)
 
 
@@ -223,40 +216,7 @@ def decode(tables: Mapping[str, Any]) -> Settings:
 
 def dump(settings: Settings) -> str:
     """The settings as TOML, every default written out."""
-    lines, tables = [], msgspec.to_builtins(settings)
-    lines += [f"{key} = {_toml(value)}" for key, value in tables.items() if isinstance(value, str)]
-    for name, table in tables.items():
-        if isinstance(table, dict):
-            lines += ["", f"[{name}]"]
-            lines += [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
-    return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(entry) for entry in value) + "]"
-    if isinstance(value, float):
-        return repr(value)
-    return msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")  # the one character JSON lets through
-
-
-def _override(tables: dict[str, Any], override: str) -> None:
-    key, equals, value = override.partition("=")
-    if not equals or not key.strip():
-        raise SettingsError(f"'{override}': an override is written key=value, for example load.pressure=100")
-    try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        parsed = value
-    *path, last = key.strip().split(".")
-    table = tables
-    for part in path:
-        table = table.setdefault(part, {})
-        if not isinstance(table, dict):
-            raise SettingsError(f"{key}: '{part}' is not a table")
-    table[last] = parsed
+    return dump_toml(msgspec.to_builtins(settings))
 
 
 _TABLES: dict[str, type[msgspec.Struct]] = {
@@ -279,9 +239,7 @@ def _one_line(message: str) -> str:
     if "unknown field" in text:
         unknown = text.split("`")[1]
         known = list(_TABLES[table].__struct_fields__) if table in _TABLES else []
-        near = difflib.get_close_matches(unknown, known, 1)
-        remedy = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
-        return f"{'.'.join(filter(None, [table, unknown]))}: no such key; {remedy}"
+        return unknown_key(".".join(filter(None, [table, unknown])), known)
     return f"{table or 'settings'}: {text}"
 
 

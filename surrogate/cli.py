@@ -5,66 +5,25 @@ from __future__ import annotations
 import os
 import signal
 import time
-import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .data.monitor import LAUNCHED
-from .errors import SurrogateError
-
-USER_MISTAKE, INTERRUPTED = 2, 130
+from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
+from macrofit.base.progress import launched
 
 
-class Commands(click.Group):
-    """A group that says an error the user can mend on one line, and exits with 2; an interruption with 130."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that was asked for."""
-        with suppress(ValueError):  # not in the main thread
-            # a batch system asks with SIGTERM for the end that a user asks for with Ctrl-C
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            with _warnings_on_one_line():
-                return super().invoke(ctx)
-        except SurrogateError as error:
-            complain(error)
-            ctx.exit(USER_MISTAKE)
-        except KeyboardInterrupt:
-            complain("interrupted")
-            ctx.exit(INTERRUPTED)
-
-
-@contextmanager
-def _warnings_on_one_line() -> Iterator[None]:
-    """Say a warning in the words of the command, without the place in the code."""
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
-        yield
-
-
-def complain(message: object) -> None:
-    """Say what went wrong, on one line."""
-    click.echo(f"macrofit-surrogate: {' '.join(str(message).split())}", err=True)
-
-
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
 @click.version_option(package_name="macrofit", prog_name="macrofit-surrogate")
 def main() -> None:
     """The network that replaces the rough plates, and the data it learns from.
 
     Lengths are in mm, forces in N.
     """
-    # The samples of a farm are serial and small: threads would only fight for the cores with each other.
-    # Read when numpy and numba are first imported; a value set by the user stays.
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-
-
-FILE = click.Path(path_type=Path)
+    few_threads()
 
 
 def numbers(kind: type[int] | type[float], most: int | None = None) -> Callable[..., tuple[Any, ...]]:
@@ -93,7 +52,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 @click.option("--pairs", type=click.IntRange(1), required=True, help="Of surfaces, counted from the first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
 @click.option("--spheres", type=int, default=3000, show_default=True, help="In both plates together.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a key of the plates' settings.")
+@set_option("the plates' settings")
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
     help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
@@ -154,7 +113,7 @@ def generate(
 def farm(jobs: int | None) -> Iterator[Any]:
     """Who computes: the ranks of mpirun, or processes of this machine. None on a rank that has done so already."""
     size = 1
-    if any(name in os.environ for name in LAUNCHED):
+    if launched():
         from mpi4py import MPI
 
         size = MPI.COMM_WORLD.size
@@ -182,7 +141,7 @@ def farm(jobs: int | None) -> Iterator[Any]:
 
 def leave(code: int) -> None:
     """End this process, and under mpirun all others."""
-    if any(name in os.environ for name in LAUNCHED):
+    if launched():
         from mpi4py import MPI
 
         if MPI.COMM_WORLD.size > 1:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from macrofit.base.errors import MacrofitError
 
-class SurrogateError(Exception):
-    """Anything the user can mend: the command line prints the message on one line and exits with 2."""
+
+class SurrogateError(MacrofitError):
+    """Anything about the network and its data that the user can mend."""
 
 
 class DatabaseError(SurrogateError):

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray
+from macrofit.base.files import replacing
 
 from .data.faces import from_file, generated
 from .errors import PredictionError
@@ -86,19 +87,16 @@ def write_pair(pair: Pair, target: Path) -> None:
     """A figure (.png) or a table (.csv) of it.
 
     Raises:
-        PredictionError: it cannot be written.
+        OutputError: it cannot be written.
     """
     if target.suffix == ".png":
         from .evaluation.plots import prediction
 
         prediction(pair, target)
         return
-    try:
-        with target.open("w", newline="") as file:
-            columns = np.stack([pair.micro, pair.mean, pair.spread, pair.mean - pair.half, pair.mean + pair.half])
-            rows = csv.writer(file)
-            rows.writerow(["micro_friction", "meso_friction", "standard_deviation", "low_90", "high_90"])
-            for values in columns.T:
-                rows.writerow([f"{value:.6g}" for value in values])
-    except OSError as error:
-        raise PredictionError(f"{target}: cannot be written: {error.strerror}") from error
+    columns = np.stack([pair.micro, pair.mean, pair.spread, pair.mean - pair.half, pair.mean + pair.half])
+    with replacing(target) as draft, draft.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["micro_friction", "meso_friction", "standard_deviation", "low_90", "high_90"])
+        for values in columns.T:
+            rows.writerow([f"{value:.6g}" for value in values])

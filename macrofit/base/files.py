@@ -1,41 +1,78 @@
-"""Writing files so that none is ever half there, and so that a failure names the file."""
+"""Writing files so that none is ever half there, and so that a failure names the file and the remedy."""
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from .errors import OutputError
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Numbers of the errors that more room would mend."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turn a failure to write ``path`` (disk full, no permission) into an OutputError that names it."""
+    """Turn a failure to write ``path`` (disk full, no permission) into one line that names it.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        remedy = "make room, then go on with --resume" if full else "choose another folder with -o"
-        raise OutputError(f"{path}: cannot be written: {reason} ({remedy})") from error
+        remedy = "make room, then give the same command" if error.errno in FULL else "choose another place with -o"
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error} ({remedy})") from error
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, which takes the place of ``path`` when all went well.
+    """A temporary name of this process to write to, which takes the place of ``path`` when all went well.
 
-    Raises OutputError when the file cannot be written; what was there before is then intact.
+    Folders on the way are made. Processes may write the same file at once: the last one to end wins, and the file is
+    whole at any moment.
+
+    Raises:
+        OutputError: the file cannot be written; what was there before is then intact.
     """
-    draft = path.with_name(f".{path.stem}.new{path.suffix}")
-    try:
-        with writing(path):
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+        draft = Path(name)
+        try:
             yield draft
+            draft.chmod(0o666 & ~_umask())  # mkstemp makes files that only the user may read
             os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text file, in UTF-8.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file for people and programs: indented by two, NaN as null.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    import msgspec
+
+    with replacing(path) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
 
 
 def append_whole(descriptor: int, data: bytes) -> None:
@@ -48,3 +85,36 @@ def append_whole(descriptor: int, data: bytes) -> None:
     except BaseException:
         os.ftruncate(descriptor, end)
         raise
+
+
+def force_to_disk(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def starts_with(path: Path, magic: bytes) -> bool:
+    """Whether the file is there and starts with these bytes."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(magic)) == magic
+    except OSError:
+        return False
+
+
+def cache_folder() -> Path | None:
+    """MACROFIT_CACHE, or macrofit in the user's cache folder (XDG_CACHE_HOME, ~/.cache); None without a home."""
+    own = os.environ.get("MACROFIT_CACHE")
+    if own:
+        return Path(own)
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return None if base.startswith("~") else Path(base) / "macrofit"
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 from ..results.folder import read_curve
 from ..results.summary import verdict
 from . import friction
 from .stress import stress
-from .style import BLACK, BLUE, BROWN, GREEN, ORANGE, PURPLE, SKY, blank, save
 
 if TYPE_CHECKING:
     from ..solution import Increment, Solution
@@ -32,12 +32,12 @@ def write_figures(folder: Path, solution: Solution) -> list[Path]:
     if solution.fields:
         drawn["stress.png"] = stress(solution)
         drawn["stress_entrance.png"] = stress(solution, zoom=min(ZOOM, 4.0 * _contact_length(solution)))
-    return [save(figure, folder / name) for name, figure in drawn.items()]
+    return [save(figure, folder / name, trim=True) for name, figure in drawn.items()]
 
 
 def fitting_curve(solution: Solution) -> Any:
     """Pushing force against displacement, its peak marked, with the window of EN 13260 where it applies."""
-    figure, axes = blank(7.0, 4.4)
+    figure, (axes,) = sheet(7.0, 4.4)
     displacement, force = solution.displacement, solution.force / 1e3
     axes.plot(displacement, force, color=BLUE, lw=1.8)
     judged, _ = verdict(solution)
@@ -60,22 +60,22 @@ def compare(folders: Sequence[Path], target: Path) -> Path:
     Raises OutputError when a curve cannot be read or the figure cannot be written.
     """
     curves = [(folder, read_curve(folder)) for folder in folders]
-    figure, axes = blank(7.0, 4.4)
+    figure, (axes,) = sheet(7.0, 4.4)
     styles = ["-", "--", "-.", ":"]
-    colours = [BLUE, BROWN, GREEN, PURPLE, ORANGE, SKY, BLACK]
+    colours = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK]
     for k, (folder, (displacement, force)) in enumerate(curves):
         style = styles[k // len(colours) % len(styles)]
         axes.plot(displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=str(folder))
     axes.legend(frameon=False, fontsize=9)
     _label_curve(axes, "")
-    return save(figure, target)
+    return save(figure, target, trim=True)
 
 
 def interface(solution: Solution) -> Any:
     """Pressure and shear on the facets of the seat at the last displacement and a few before it."""
     from matplotlib import colormaps
 
-    figure, (upper, lower) = blank(7.0, 6.0, rows=2)
+    figure, (upper, lower) = sheet(7.0, 6.0, rows=2)
     shown = _stages(solution.increments)
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(shown))[::-1])
     for record, colour in zip(shown, colours, strict=True):
@@ -84,7 +84,7 @@ def interface(solution: Solution) -> Any:
         lower.stairs(record.facets.traction, solution.seat, **style)
     last = shown[-1]
     bound = last.facets.friction * last.facets.pressure
-    style = {"color": BROWN, "lw": 1.0, "ls": (0, (4, 2)), "baseline": None}
+    style = {"color": VERMILION, "lw": 1.0, "ls": (0, (4, 2)), "baseline": None}
     for sign in (1.0, -1.0):
         if (sign * last.facets.traction).max() > 0.0:
             lower.stairs(sign * bound, solution.seat, label=f"friction bound at {last.displacement:g} mm", **style)
@@ -117,7 +117,7 @@ def _stages(records: Sequence[Increment]) -> list[Increment]:
 
 def _mark_peak(axes: Any, displacement: FloatArray, force: FloatArray) -> None:
     top = int(force.argmax())
-    axes.plot(displacement[top], force[top], "o", color=BROWN, ms=5, zorder=3)
+    axes.plot(displacement[top], force[top], "o", color=VERMILION, ms=5, zorder=3)
     axes.annotate(
         f"peak {force[top]:.4g} kN at {displacement[top]:g} mm", (displacement[top], force[top]), (-8, 6),
         textcoords="offset points", ha="right", va="bottom", fontsize=9,

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import FloatArray
-from .style import BLUE, BROWN, DPI, GREEN
+from ..base.figure import BLUE, DPI, GREEN, VERMILION
 
 if TYPE_CHECKING:
     from ..solution import Increment, PairFrictionMap, Solution
 
-COLOURS = (BLUE, GREEN, BROWN)
+COLOURS = (BLUE, GREEN, VERMILION)
 """One for each displacement shown."""
 FLATTEST = 0.02
 """Least height of the axis of coefficients [-], so that rounding is not drawn as variation."""

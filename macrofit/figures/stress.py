@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.arrays import FloatArray, IntArray
+from ..base.figure import VERMILION, sheet
 from ..scene.keys import Shaft
-from .style import BROWN, blank
 
 if TYPE_CHECKING:
     from ..solution import BodyField, Solution
@@ -42,7 +42,7 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
         place = np.array([axle.seat_radius, 0.0]) if isinstance(axle, Shaft) else _centre(bodies, marks)
         centre = np.maximum(place, [half[0], -np.inf])  # nothing lies beyond the axis
         window = (centre - half, centre + half)
-    figure, axes = blank(*_frame(window[1] - window[0]))
+    figure, (axes,) = sheet(*_frame(window[1] - window[0]))
     shown = [field.von_mises[_inside(_deformed(field), window)] for field in bodies.values()]
     top = max(float(values.max(initial=0.0)) for values in shown)
     for field in bodies.values():
@@ -116,11 +116,11 @@ def _annotate(axes: Any, marks: Mapping[str, _Mark], window: Window) -> None:
         right = z < 0.5 * (window[0][1] + window[1][1])
         low = r < window[0][0] + 0.15 * (window[1][0] - window[0][0])
         offset = (12 if right else -12, 26 if body == "wheel" else 52 if low else -26)
-        axes.plot(z, r, "o", ms=8, mfc="none", mec=BROWN, mew=1.6)
+        axes.plot(z, r, "o", ms=8, mfc="none", mec=VERMILION, mew=1.6)
         axes.annotate(
             f"{body}, largest of the run: {mark.value:.0f} MPa", (z, r), offset, textcoords="offset points",
             ha="left" if right else "right", va="center", fontsize=9,
-            arrowprops={"arrowstyle": "-", "color": BROWN, "relpos": (0.0 if right else 1.0, 0.5)},
+            arrowprops={"arrowstyle": "-", "color": VERMILION, "relpos": (0.0 if right else 1.0, 0.5)},
             bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": "none", "alpha": 0.85},
         )  # fmt: skip
 

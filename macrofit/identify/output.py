@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from mpi4py import MPI
 
-from ..base.files import replacing
-from ..figures.style import BLUE, BROWN, blank, save
-from ..parallel import raise_together
+from ..base.figure import BLUE, VERMILION, save, sheet
+from ..base.files import write_json, write_text
+from ..base.ranks import raise_together
 from ..results.folder import prepare
 from ..results.summary import versions
 from .fit import Identification, identify
@@ -58,12 +57,10 @@ def write_identification(folder: Path, found: Identification, curve: str) -> lis
     """identification.json, identified_curve.csv and the figure. Raises OutputError."""
     fit = found.fit
     rows = np.column_stack([found.displacement, found.measured, fit.fitted, fit.residual])
-    with replacing(folder / CURVES) as draft:
-        text = "\n".join(",".join(repr(float(value)) for value in row) for row in rows)
-        draft.write_text(f"displacement_mm,measured_N,fitted_N,residual_N\n{text}\n")
-    save(figure(found), folder / FIGURE)
-    with replacing(folder / NUMBERS) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(numbers(found, curve)), indent=2) + b"\n")
+    text = "\n".join(",".join(repr(float(value)) for value in row) for row in rows)
+    write_text(folder / CURVES, f"displacement_mm,measured_N,fitted_N,residual_N\n{text}\n")
+    save(figure(found), folder / FIGURE, trim=True)
+    write_json(folder / NUMBERS, numbers(found, curve))
     return [*sentences(found), f"Files           {folder}"]
 
 
@@ -114,17 +111,17 @@ def sentences(found: Identification) -> list[str]:
 
 def figure(found: Identification) -> Any:
     """Measured and fitted force against displacement, and the residual below."""
-    drawn, (upper, lower) = blank(7.0, 6.0, rows=2)
+    drawn, (upper, lower) = sheet(7.0, 6.0, rows=2)
     fit = found.fit
     name = found.key.rpartition(".")[2]
-    upper.plot(found.displacement, found.measured / 1e3, ".", color=BROWN, ms=3, label="measured")
+    upper.plot(found.displacement, found.measured / 1e3, ".", color=VERMILION, ms=3, label="measured")
     label = f"fitted, {name} = {fit.value:.4g} ± {fit.standard_error:.1g}"
     upper.plot(found.displacement, fit.fitted / 1e3, color=BLUE, lw=1.6, label=label)
     upper.legend(frameon=False, fontsize=9)
     upper.set_ylabel("pushing force [kN]")
     lower.axhline(0.0, color=BLUE, lw=1.0)
     lower.axhspan(-fit.sigma / 1e3, fit.sigma / 1e3, color=BLUE, alpha=0.12, lw=0)
-    lower.plot(found.displacement, fit.residual / 1e3, ".", color=BROWN, ms=3)
+    lower.plot(found.displacement, fit.residual / 1e3, ".", color=VERMILION, ms=3)
     lower.set_ylabel("measured - fitted [kN]")
     lower.set_xlabel("displacement of the wheel [mm]")
     if found.scene.title:

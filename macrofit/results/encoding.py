@@ -1,14 +1,11 @@
-"""Increments as bytes that give the numbers back to the bit: frames with a check sum, plain arrays.
+"""Increments as bytes that give the numbers back to the bit.
 
-A frame is the length and the CRC-32 of its content (both little-endian, 4 bytes), then the content. An array
-is its type, shape and bytes. The container is MessagePack; nothing is ever unpickled.
+An array is its type, shape and bytes. The container is MessagePack; nothing is ever unpickled.
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -21,7 +18,6 @@ from ..solution import FacetState, Increment
 State = dict[str, FloatArray | IntArray]
 """Arrays the solver needs to go on after an increment."""
 
-_FRAME = struct.Struct("<II")
 _CAST = {"float": float, "int": int, "bool": bool}
 _SCALARS = {item.name: _CAST[str(item.type)] for item in fields(Increment) if item.name != "facets"}
 
@@ -57,31 +53,6 @@ def decode(content: bytes) -> tuple[Increment, State]:
         return Increment(**scalars, facets=FacetState(**facets)), _unpacked(record.state)
     except (msgspec.MsgspecError, TypeError, KeyError) as error:
         raise ValueError(f"not an increment: {error}") from None
-
-
-def frame(content: bytes) -> bytes:
-    """The content as one frame."""
-    return _FRAME.pack(len(content), zlib.crc32(content)) + content
-
-
-def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
-    """The contents of the frames from ``start`` on, each with the place where its frame ends.
-
-    Stops before a last frame that was torn while it was written. Raises ValueError for a damaged one.
-    """
-    place = start
-    while place + _FRAME.size <= len(data):
-        length, check = _FRAME.unpack_from(data, place)
-        end = place + _FRAME.size + length
-        if length == 0 or end > len(data):
-            return
-        content = data[place + _FRAME.size : end]
-        if zlib.crc32(content) != check:
-            if end == len(data):
-                return
-            raise ValueError(f"damaged at byte {place}")
-        yield content, end
-        place = end
 
 
 def _packed(arrays: Mapping[str, FloatArray | IntArray]) -> dict[str, _Array]:

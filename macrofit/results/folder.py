@@ -12,11 +12,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 from ..base.arrays import FloatArray
-from ..base.files import append_whole, replacing, writing
+from ..base.files import append_whole, replacing, write_json, write_text, writing
 from ..errors import OutputError
 from ..scene import Scene, dump_scene
 from ..solution import BodyField, FacetState, Increment, PairFrictionMap
@@ -62,14 +61,12 @@ def clear(folder: Path) -> None:
 
 def write_scene(folder: Path, scene: Scene) -> None:
     """The resolved scene, every default written out: scene.toml."""
-    with replacing(folder / SCENE) as draft:
-        draft.write_text(dump_scene(scene))
+    write_text(folder / SCENE, dump_scene(scene))
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
     """summary.json; its presence says that the run is complete."""
-    with replacing(folder / SUMMARY) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
+    write_json(folder / SUMMARY, summary)
 
 
 class CurveFile:
@@ -199,8 +196,7 @@ def write_fields(folder: Path, solution: Solution) -> None:
                 names.append((displacement, f"{body}_{number:04d}.vtu"))
                 with replacing(target / names[-1][1]) as draft:
                     _vtk_mesh(bodies[body], solution.scene.output.fields).write(draft, file_format="vtu")
-        with replacing(target / f"{body}.pvd") as draft:
-            draft.write_text(_collection(names))
+        write_text(target / f"{body}.pvd", _collection(names))
 
 
 def _vtk_mesh(field: BodyField, asked: Iterable[str]) -> Any:

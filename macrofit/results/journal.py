@@ -7,7 +7,6 @@ go to the operating system at once but are not forced onto the disk: a power cut
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 from collections.abc import Mapping
@@ -17,14 +16,15 @@ from typing import Any, NamedTuple
 import msgspec
 
 from ..base.arrays import FloatArray, IntArray
-from ..base.files import append_whole, writing
+from ..base.files import starts_with
+from ..base.log import Log, frame, frames, lock_free
 from ..errors import OutputError
 from ..scene import Scene
 from ..solution import Increment
-from .encoding import State, decode, encode, frame, frames
+from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 2
+VERSION = 3
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -43,58 +43,43 @@ class _Content(NamedTuple):
 class Journal:
     """An append-only file of increments; made by `start` or `resume`, closed by leaving the `with` block."""
 
-    def __init__(self, path: Path, descriptor: int | None, records: list[tuple[Increment, State]]) -> None:
-        self.path = path
-        self._descriptor = descriptor
+    def __init__(self, log: Log | None, records: list[tuple[Increment, State]]) -> None:
+        self._log = log
         self._records = records
 
     @classmethod
     def start(cls, path: Path, scene: Scene, *, replace: bool = False) -> Journal:
         """A new journal in place of whatever journal is there.
 
-        Raises OutputError: a run is writing it; or, unless ``replace``, it holds increments of this very
-        scene, which `resume` could go on from; or it cannot be written.
+        Raises:
+            OutputError: a run is writing it; or, unless ``replace``, it holds increments of this very scene, which
+                `resume` could go on from; or it cannot be written.
         """
         if path.exists():
             _refuse_to_lose(path, scene, replace)
-        head = MAGIC + frame(msgspec.msgpack.encode(_header(scene)))
-        fresh = path.with_name(f".{path.name}.new")
-        with writing(path):
-            descriptor = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        try:
-            _lock(descriptor, path)
-            with writing(path):
-                append_whole(descriptor, head)
-                os.replace(fresh, path)  # so that a journal never lacks its header
-        except BaseException:
-            os.close(descriptor)
-            fresh.unlink(missing_ok=True)
-            raise
-        return cls(path, descriptor, [])
+        return cls(Log.create(path, MAGIC + frame(msgspec.msgpack.encode(_header(scene)))), [])
 
     @classmethod
     def resume(cls, path: Path, scene: Scene) -> Journal:
         """The journal that is there, to go on after its last whole record.
 
-        Raises OutputError: not a journal, damaged, of another version or scene, in use, or not writable.
+        Raises:
+            OutputError: not a journal, damaged, of another version or scene, in use, or not writable.
         """
-        with writing(path):
-            descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        log = Log.open(path)
         try:
-            _lock(descriptor, path)
             content = _read(path)
             _same_scene(path, content.header, scene)
-            with writing(path):
-                os.ftruncate(descriptor, content.end)
+            log.cut(content.end)
         except BaseException:
-            os.close(descriptor)
+            log.close()
             raise
-        return cls(path, descriptor, content.records)
+        return cls(log, content.records)
 
     @classmethod
     def elsewhere(cls) -> Journal:
         """A journal without a file, for the ranks that do not write: empty, and it keeps nothing."""
-        return cls(Path(), None, [])
+        return cls(None, [])
 
     def records(self) -> list[tuple[Increment, State]]:
         """The increments found when the journal was opened, each with the state after it."""
@@ -103,19 +88,17 @@ class Journal:
     def append(self, record: Increment, state: Mapping[str, FloatArray | IntArray]) -> None:
         """Write an accepted increment and the state after it.
 
-        Raises OutputError when it cannot be written; the increments written before stay readable.
+        Raises:
+            OutputError: it cannot be written; the increments written before stay readable.
         """
-        if self._descriptor is None:
-            return
-        written = frame(encode(record, state))
-        with writing(self.path):
-            append_whole(self._descriptor, written)
+        if self._log is not None:
+            self._log.append(encode(record, state))
 
     def close(self) -> None:
         """Release the file."""
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self._descriptor = None
+        if self._log is not None:
+            self._log.close()
+            self._log = None
 
     def __enter__(self) -> Journal:
         return self
@@ -126,16 +109,11 @@ class Journal:
 
 def is_journal(path: Path) -> bool:
     """Whether the file is there and starts as a journal does."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
+    return starts_with(path, MAGIC)
 
 
 def _refuse_to_lose(path: Path, scene: Scene, replace: bool) -> None:
-    with path.open("rb") as file:
-        _lock(file.fileno(), path)
+    lock_free(path)
     if replace or not is_journal(path):
         return
     try:
@@ -148,15 +126,6 @@ def _refuse_to_lose(path: Path, scene: Scene, replace: bool) -> None:
             f"{path.parent}: holds an unfinished run of this scene, {len(content.records)} increments; "
             f"continue it with --resume, choose another folder with -o, or delete this one"
         )
-
-
-def _lock(descriptor: int, path: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise OutputError(f"{path}: another run is writing it; wait for it, or choose another folder with -o") from None
-    except OSError:  # a file system without locks
-        pass
 
 
 def _header(scene: Scene) -> _Header:

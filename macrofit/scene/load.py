@@ -1,14 +1,12 @@
 """Scenes: read strictly from TOML, changed by overrides, checked across their keys, written back.
 
-This is the only reader of TOML in the package; the tables themselves are in ``scene_keys``.
+The tables themselves are in ``keys``.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -16,13 +14,14 @@ from typing import Any
 
 import msgspec
 
+from ..base.toml import dump_toml, parse_toml, read_toml, set_key, split_override, unknown_key
 from ..errors import SceneError
 from .checks import check
 from .keys import ContactKeys, Disc, Drawn, FrictionKeys, Hub, Keys, MeshKeys, Motion, OutputKeys, Scene, Shaft
 from .material import Material
 from .refine import refined
 
-PROVIDER, PRESET = "friction.provider", "preset"
+PROVIDER, PRESET = ("friction", "provider"), ("preset",)
 
 
 def scene_names() -> list[str]:
@@ -39,13 +38,22 @@ def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | 
     wherever in the order it is named. Raises SceneError with one line that names the key.
     """
     raw, folder = _read(source)
-    parts = [(text.partition("=")[0].strip(), text) for text in overrides]
-    named = [text.partition("=")[2].strip() for key, text in parts if key == PRESET]
+    changes = [split_override(text) for text in overrides]
+    named = [value for path, value in changes if path == PRESET]
     for name in named[-1:] or ([] if preset is None else [preset]):
-        raw = refined(raw, name)
-    for _, override in sorted((part for part in parts if part[0] != PRESET), key=lambda part: part[0] != PROVIDER):
-        _override(raw, override)
+        raw = refined(raw, str(name))
+    for path, value in sorted((change for change in changes if change[0] != PRESET), key=lambda at: at[0] != PROVIDER):
+        if path == PROVIDER:
+            _drop_options(raw, value)
+        set_key(raw, path, value)
     return build_scene(raw, folder)
+
+
+def _drop_options(raw: Mapping[str, Any], provider: Any) -> None:
+    """Take away the options of another provider than this one."""
+    friction = raw.get("friction")
+    if isinstance(friction, dict) and friction.get("provider", "uniform") != provider:
+        friction.pop("options", None)
 
 
 def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
@@ -69,7 +77,7 @@ def dump_scene(scene: Scene) -> str:
     for body in ("axle", "wheel"):
         if tables[body].get("shape") == "mesh":
             tables[body].pop("shape")
-    return "\n".join(_toml_lines(tables, ())) + "\n"
+    return dump_toml(tables)
 
 
 def json_schema() -> dict[str, Any]:
@@ -79,41 +87,13 @@ def json_schema() -> dict[str, Any]:
 
 def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
     name = str(source)
-    folder: Path | None = None
     if name in scene_names():
-        text = (resources.files("macrofit.scene") / "library" / f"{name}.toml").read_text()
-    else:
-        path = Path(source)
-        if not path.is_file():
-            known = ", ".join(scene_names())
-            raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
-        try:
-            text, folder = path.read_text(encoding="utf-8"), path.parent
-        except (OSError, UnicodeDecodeError) as error:
-            raise SceneError(f"{name}: cannot be read as text: {error}") from None
-    try:
-        return tomllib.loads(text), folder
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{name}: not valid TOML: {error}") from None
-
-
-def _override(raw: dict[str, Any], override: str) -> None:
-    key, equals, value = override.partition("=")
-    if not equals or not key.strip():
-        raise SceneError(f"'{override}': an override is written key=value, for example motion.travel=20")
-    try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        parsed = value
-    *path, last = key.strip().split(".")
-    table = raw
-    for part in path:
-        table = table.setdefault(part, {})
-        if not isinstance(table, dict):
-            raise SceneError(f"{key}: '{part}' is not a table")
-    if key.strip() == PROVIDER and table.get(last, "uniform") != parsed:
-        table.pop("options", None)
-    table[last] = parsed
+        return parse_toml((resources.files("macrofit.scene") / "library" / f"{name}.toml").read_text(), name), None
+    path = Path(source)
+    if not path.is_file():
+        known = ", ".join(scene_names())
+        raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
+    return read_toml(path), path.parent
 
 
 def _name_shapes(tables: dict[str, Any], folder: Path | None) -> None:
@@ -164,10 +144,7 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any]) -> str:
         key = unknown.group(1)
         if where in ("axle", "wheel") and tables[where].get("shape") == "mesh":
             return f"{_join(where, key)}: not used where mesh.{where} gives a file; leave one of them out"
-        known = _known_keys(where, tables)
-        close = difflib.get_close_matches(key, known, n=1)
-        remedy = f"did you mean '{close[0]}'?" if close else f"known keys: {', '.join(known)}"
-        return f"{_join(where, key)}: unknown key ({remedy})"
+        return unknown_key(_join(where, key), _known_keys(where, tables))
     if missing:
         return f"{_join(where, missing.group(1))}: missing"
     if "Invalid value" in message and where.endswith(".shape"):
@@ -198,25 +175,3 @@ def _check_numbers(value: Any, where: str) -> None:
             _check_numbers(item, where)
     elif isinstance(value, float) and not math.isfinite(value):
         raise SceneError(f"{where}: {value} is not a finite number")
-
-
-def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
-    lines = [
-        f"{key} = {_toml_value(value)}"
-        for key, value in table.items()
-        if value is not None and not isinstance(value, Mapping)
-    ]
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            lines += ["", f"[{'.'.join((*path, key))}]", *_toml_lines(value, (*path, key))]
-    return lines
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml_value(item) for item in value)}]"
-    if isinstance(value, str):
-        return msgspec.json.encode(value).decode()
-    return repr(value)

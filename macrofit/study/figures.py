@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.figure import BLACK, BLUE, DPI, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 from ..figures.curves import ZOOM, _label_curve
 from ..figures.stress import _deformed, _draw_body, _inside
-from ..figures.style import BLACK, BLUE, BROWN, DPI, GREEN, ORANGE, PURPLE, SKY, blank, save
 from ..scene.keys import Shaft
 from ..solution import BodyField
 from .fields import load_fields
@@ -22,7 +22,7 @@ from .statistics import BODIES, MANY, measured_samples, statistics, varied
 LABELLED = 8
 """As many curves are told apart by colour; more are drawn as a bundle with its band."""
 SIDE_BY_SIDE = 6
-COLOURS = (BLUE, BROWN, GREEN, PURPLE, ORANGE, SKY, "#A6761D", "#8C510A")
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, "#A6761D", "#8C510A")
 GREY = "#5F6B76"
 
 
@@ -36,12 +36,12 @@ def write_study_figures(folder: Path, plan: Plan, records: Sequence[RunRecord]) 
     if shown:
         drawn["stress.png"] = stress_panels(shown)
         drawn["stress_entrance.png"] = stress_panels(shown, zoom=ZOOM)
-    return [save(figure, folder / name) for name, figure in drawn.items()]
+    return [save(figure, folder / name, trim=True) for name, figure in drawn.items()]
 
 
 def fitting_curves(plan: Plan, records: Sequence[RunRecord]) -> Any:
     """Force against displacement: each curve with its label, or many as a bundle with median and 5-95 % band."""
-    figure, axes = blank(7.0, 4.4)
+    figure, (axes,) = sheet(7.0, 4.4)
     pairs = list(zip(plan.runs, records, strict=True))
     references = [pair for pair in pairs if not pair[0].values and plan.keys]
     others = [pair for pair in pairs if pair not in references]
@@ -100,7 +100,7 @@ def _histogram(axes: Any, title: str, values: FloatArray) -> None:
     mean, low, high = found["mean"], found["percentile_5"], found["percentile_95"]
     axes.axvline(mean, color=BLUE, lw=1.6)
     for edge in (low, high):
-        axes.axvline(edge, color=BROWN, lw=1.1, ls=(0, (4, 2)))
+        axes.axvline(edge, color=VERMILION, lw=1.1, ls=(0, (4, 2)))
     axes.set_title(
         f"{mean:.5g} ± {found['standard_deviation']:.2g}, 5-95 %: {low:.5g} to {high:.5g}", fontsize=9, color=GREY
     )

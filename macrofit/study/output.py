@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-import sys
 import time
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from ..base.files import replacing, writing
+from ..base.files import write_json, write_text, writing
+from ..base.progress import duration, say
 from ..errors import OutputError
 from ..results.folder import JOURNAL, prepare
 from ..results.summary import versions
@@ -75,14 +73,12 @@ def write_study(
     """
     from .figures import write_study_figures
 
-    with replacing(folder / ROWS) as draft:
-        draft.write_text(_csv([_columns(plan), *(_row(plan, *pair) for pair in zip(plan.runs, records, strict=True))]))
-    with replacing(folder / CURVES) as draft:
-        draft.write_text(_csv(_curves(plan, records)))
+    rows = [_columns(plan), *(_row(plan, *pair) for pair in zip(plan.runs, records, strict=True))]
+    write_text(folder / ROWS, _csv(rows))
+    write_text(folder / CURVES, _csv(_curves(plan, records)))
     figures = write_study_figures(folder, plan, records)
     numbers = _totals(plan, records, computed, costs)
-    with replacing(folder / TOTALS) as draft:  # last: its presence says that the study is complete
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(numbers), indent=2) + b"\n")
+    write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
     return [*_sentences(plan, records, numbers), f"Figures         {', '.join(path.name for path in figures)}",
             f"Files           {folder}"]  # fmt: skip
 
@@ -95,7 +91,7 @@ class StudyProgress:
         self.total, self.count, self.already, self.quiet = len(self.labels), already, already, quiet
         self._begin, self._said = time.monotonic(), 0.0
         if already and not quiet:
-            print(f"{already} of {self.total} runs are there already", flush=True)
+            say(f"{already} of {self.total} runs are there already")
 
     def finished(self, record: RunRecord) -> None:
         """A run has come in."""
@@ -106,19 +102,12 @@ class StudyProgress:
             return
         self._said = now
         each = (now - self._begin) / (self.count - self.already)
-        remaining = "" if last else f"  {_duration(each * (self.total - self.count))} left"
+        remaining = "" if last else f"  {duration(each * (self.total - self.count))} left"
         force, place = record.peak
-        print(
+        say(
             f"run {self.count:{len(str(self.total))}d}/{self.total}  peak {force / 1e3:10.6g} kN at {place:.6g} mm"
-            f"  {self.labels[record.digest]}{remaining}",
-            file=sys.stdout, flush=True,
-        )  # fmt: skip
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+            f"  {self.labels[record.digest]}{remaining}"
+        )
 
 
 def _csv(rows: Sequence[Sequence[str]]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,12 +9,12 @@ import msgspec
 import numpy as np
 
 from ..base.arrays import FloatArray
-from ..base.files import append_whole, writing
+from ..base.files import starts_with
+from ..base.log import Log, frames
 from ..errors import OutputError
-from ..results.encoding import frame, frames
 from ..solution import Extreme, Solution
 
-MAGIC = b"macrofit study 1\n"
+MAGIC = b"macrofit study 2\n"
 
 
 class RunRecord(msgspec.Struct, frozen=True):
@@ -68,33 +66,33 @@ class StudyFile:
     def __init__(self, path: Path, *, replace: bool) -> None:
         """Open or make the file, and read what it holds unless it is to be replaced.
 
-        Raises OutputError: it is in use, is not of a study, is damaged, or cannot be written.
+        Raises:
+            OutputError: it is in use, is not of a study, is damaged, or cannot be written.
         """
         self.path = path
         self.records: dict[str, RunRecord] = {}
-        with writing(path):
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        if replace or not path.exists():
+            self._log = Log.create(path, MAGIC)
+            return
+        self._log = Log.open(path)
         try:
-            _lock(self._descriptor, path)
-            held = b"" if replace else path.read_bytes()
-            end = self._read(held) if held else 0
-            with writing(path):
-                os.ftruncate(self._descriptor, end)
-                if not end:
-                    append_whole(self._descriptor, MAGIC)
+            self._log.cut(self._read(path.read_bytes()))
         except BaseException:
             self.close()
             raise
 
     def append(self, record: RunRecord) -> None:
-        """Keep one more. Raises OutputError; what was kept before stays."""
-        with writing(self.path):
-            append_whole(self._descriptor, frame(msgspec.msgpack.encode(record)))
+        """Keep one more.
+
+        Raises:
+            OutputError: it cannot be written; what was kept before stays.
+        """
+        self._log.append(msgspec.msgpack.encode(record))
         self.records[record.digest] = record
 
     def close(self) -> None:
         """Release the file."""
-        os.close(self._descriptor)
+        self._log.close()
 
     def _read(self, held: bytes) -> int:
         """Fill the records; gives the place where the last whole one ends."""
@@ -113,11 +111,7 @@ class StudyFile:
 
 def is_study(path: Path) -> bool:
     """Whether the file is there and starts as one of a study does."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
+    return starts_with(path, MAGIC)
 
 
 def held_digests(path: Path) -> set[str]:
@@ -132,14 +126,3 @@ def held_digests(path: Path) -> set[str]:
 def total(records: Iterable[RunRecord], counter: str) -> int:
     """Sum of a counter over runs."""
     return sum(record.counters.get(counter, 0) for record in records)
-
-
-def _lock(descriptor: int, path: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise OutputError(
-            f"{path}: another study is writing it; wait for it, or choose another folder with -o"
-        ) from None
-    except OSError:  # a file system without locks
-        pass

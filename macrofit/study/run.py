@@ -11,9 +11,10 @@ import msgspec
 from mpi4py import MPI
 
 from ..assembly import BODY_KEYS, Assembly, assemble
+from ..base.farm import Stopped, deal
+from ..base.ranks import raise_together
 from ..errors import MacrofitError
 from ..monitor import Several, Silent
-from ..parallel import raise_together
 from ..run import open_folder, write_results
 from ..scene import Scene
 from ..solution import Increment, Solution
@@ -22,7 +23,6 @@ from .fields import save_fields
 from .output import StudyProgress, open_study, run_folder, write_study
 from .plan import Plan, PlannedRun
 from .record import RunRecord, StudyFile
-from .scheduler import Stopped, deal
 
 
 def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, keep: bool, quiet: bool) -> list[str]:

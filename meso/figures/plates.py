@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
+from macrofit.base.figure import BLUE, COLOURS, VERMILION, blank, placed, plain, save
 
 from ..surfaces.roughness import measure
 from ..surfaces.surface import Surface
 from .render import View, draw, outside
-from .style import BLUE, COLOURS, RED, placed, plain, save, sheet
 
 if TYPE_CHECKING:
     from ..calibrate import Influence
@@ -46,7 +46,7 @@ def surface(face: Surface, title: str) -> Any:
     """One rough face as a map."""
     scale, (length, width) = 3.3 / max(face.size[1], 0.3 * face.size[0]), face.size
     across, up = scale * length, scale * width
-    figure = sheet(across + 1.6, up + 0.85)
+    figure = blank(across + 1.6, up + 0.85)
     axes = placed(figure, 0.55, 0.5, across, up)
     _maps(figure, [axes], [face])
     axes.set_title(title, fontsize=10)
@@ -59,7 +59,7 @@ def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radiu
     """Both rough faces as maps; below them the envelopes of the spheres, of mean `radius` [mm], that stand for them."""
     scale = 7.4 / (wheel.size[0] + axle.size[0])
     across, up = [scale * face.size[0] for face in (wheel, axle)], scale * wheel.size[1]
-    figure = sheet(sum(across) + 1.85, 2.0 * up + 1.25)
+    figure = blank(sum(across) + 1.85, 2.0 * up + 1.25)
     lefts, bottoms = (0.55, 0.8 + across[0]), (0.85 + up, 0.48)
     axes = [[placed(figure, x, y, w, up) for x, w in zip(lefts, across, strict=True)] for y in bottoms]
     _maps(figure, axes[0], [wheel, axle])
@@ -113,7 +113,7 @@ def plates_seen(plates: Plates) -> Any:
     """The two plates of spheres at their first touch, the wheel's on the axle's, seen obliquely."""
     view = View()
     lift = np.array([0.0, 0.0, plates.first_touch])
-    pieces = {"wheel": (plates.wheel, lift, RED), "axle": (plates.axle, np.zeros(3), BLUE)}
+    pieces = {"wheel": (plates.wheel, lift, VERMILION), "axle": (plates.axle, np.zeros(3), BLUE)}
     centres, radii, colours = [], [], []
     for lattice, shift, colour in pieces.values():
         shown = outside(view, lattice.centres, lattice.radii)
@@ -124,7 +124,7 @@ def plates_seen(plates: Plates) -> Any:
     left, right, bottom, top = extent
     left, right, bottom, top = left - 0.06, right + 0.06, bottom - 0.16, top + 0.06
     across, up = 8.6, 8.6 * (top - bottom) / (right - left)
-    figure = sheet(across, up)
+    figure = blank(across, up)
     axes = placed(figure, 0.0, 0.0, across, up)
     axes.imshow(image, extent=extent, interpolation="antialiased")
     axes.set(xlim=(left, right), ylim=(bottom, top))
@@ -161,7 +161,7 @@ def _label_plates(axes: Any, view: View, plates: Plates) -> None:
     slide = {"arrowstyle": "-|>", "lw": 2.2, "mutation_scale": 18}
     arrow((edge + 0.1 * edge, behind, top), (edge + 0.5 * edge, behind, top), "slide", (8, 12), **slide)
     for text, colour, place in (
-        ("wheel", RED, (0.62 * edge, behind, top + 0.07 * width)),
+        ("wheel", VERMILION, (0.62 * edge, behind, top + 0.07 * width)),
         ("axle", BLUE, (length - 0.12 * edge, behind, thickness + 0.07 * width)),
     ):
         x, y = view.flat(place)
@@ -170,7 +170,7 @@ def _label_plates(axes: Any, view: View, plates: Plates) -> None:
 
 def forces(slides: Sequence[Slide]) -> Any:
     """Squeeze and slide: normal and tangential force, and below their ratio with its mean and the error of the mean."""
-    figure = sheet(8.2, 5.6)
+    figure = blank(8.2, 5.6)
     squeeze, slide = placed(figure, 0.65, 3.2, 1.6, 2.1), placed(figure, 2.85, 3.2, 5.2, 2.1)
     ratio, words = placed(figure, 2.85, 0.5, 5.2, 2.4, sharex=slide), placed(figure, 0.25, 0.5, 1.6, 2.1)
     first = slides[0]
@@ -268,7 +268,7 @@ def _influence(
     *,
     nested: bool = False,
 ) -> Any:
-    figure = sheet(8.2, 3.5)
+    figure = blank(8.2, 3.5)
     left, right = placed(figure, 0.65, 0.5, 3.3, 2.6), placed(figure, 4.7, 0.5, 3.3, 2.6)
     members = sorted({family(point) for point in points})
     members = members[:: -(-len(members) // len(COLOURS))]  # as many as there are colours

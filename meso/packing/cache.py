@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from macrofit.base.files import cache_folder, replacing
+
 from ..errors import OutputError
-from ..files import cache_folder, replacing
 from ..surfaces import surface
 from ..surfaces.surface import Surface, generator
 from . import kernels as packing_kernels
@@ -30,11 +31,14 @@ def flat_packing(spheres: int, size: tuple[float, float], thickness: float, seed
     Raises:
         PackingError: as `meso.packing.pack.pack`.
     """
-    file = cache_folder() / "packings" / f"{_key(spheres, size, thickness, seed)}.npz"
-    stored = _read(file, size, thickness)
+    folder = cache_folder()
+    file = None if folder is None else folder / "packings" / f"{_key(spheres, size, thickness, seed)}.npz"
+    stored = None if file is None else _read(file, size, thickness)
     if stored is not None:
         return stored
     made = pack(generator("packing", seed, spheres), spheres=spheres, size=size, thickness=thickness)
+    if file is None:
+        return made
     try:
         with replacing(file) as draft:
             np.savez(draft, centres=made.centres, radii=made.radii)

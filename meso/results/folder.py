@@ -6,18 +6,16 @@ rest. Any other folder that is not empty is refused, so that nothing of the user
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
+from macrofit.base.files import replacing, starts_with, write_json, write_text, writing
 
 from ..errors import OutputError
-from ..files import replacing
 from ..records import Breaks, Curve, Slide
 from ..settings import Settings, dump
 from ..surfaces.hull import FORMATS, hull
@@ -34,40 +32,22 @@ HEADER = "displacement_mm,normal_force_N,tangential_force_N,friction"
 SQUEEZE_HEADER = "approach_mm,normal_force_N,tangential_force_N,friction"
 
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn a failure to use `path` into an OutputError that names it."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error} (choose another with -o)") from error
-
-
 def prepare(folder: Path, settings: Settings) -> None:
     """Make the folder ready for a run: remove the results of an earlier one, and write settings.toml.
 
     Raises:
         OutputError: it cannot be written; or it is not empty and holds no run of macrofit-meso.
     """
-    with _writing(folder):
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()) and not _is_run(folder):
+        if any(folder.iterdir()) and not starts_with(folder / SETTINGS, MARK.encode()):
             raise OutputError(
                 f"{folder}: is not empty and holds no run of macrofit-meso; choose another folder with -o"
             )
         stale = [folder / name for name in (SUMMARY, CURVE, SQUEEZE, DATA, *FIGURES)]
         for path in (*stale, *folder.glob("curve_*.csv"), *folder.glob("breaks_*.csv")):
             path.unlink(missing_ok=True)
-    with replacing(folder / SETTINGS) as draft:
-        draft.write_text(MARK + dump(settings), encoding="utf-8")
-
-
-def _is_run(folder: Path) -> bool:
-    try:
-        with (folder / SETTINGS).open("rb") as file:
-            return file.read(len(MARK)) == MARK.encode()
-    except OSError:
-        return False
+    write_text(folder / SETTINGS, MARK + dump(settings))
 
 
 def write_slide(folder: Path, slide: Slide, *, first: bool, several: bool) -> None:
@@ -98,14 +78,12 @@ def _write_breaks(path: Path, breaks: Breaks) -> None:
 
 def _write_rows(path: Path, header: str, rows: Iterable[Iterable[Any]]) -> None:
     lines = [header, *(",".join(map(str, row)) for row in rows)]
-    with replacing(path) as draft:
-        draft.write_text("\n".join(lines) + "\n")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
     """summary.json, numbers that do not exist as null; its presence says that all was computed."""
-    with replacing(folder / SUMMARY) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
+    write_json(folder / SUMMARY, summary)
 
 
 def envelopes(plates: Plates) -> dict[str, Surface]:
@@ -205,8 +183,9 @@ def write_surface(path: Path, surface: Surface, thickness: float, title: str) ->
     check_surface_file(path)
     suffix = path.suffix.lower()
     if suffix == ".png":
+        from macrofit.base.figure import save
+
         from ..figures.plates import surface as drawn
-        from ..figures.style import save
 
         return save(drawn(surface, title), path)
     with replacing(path) as draft:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from macrofit.base.toml import dump_toml
+
 from ..friction_test import FrictionTest
 from ..material import Beams, Material
 from ..packing.pack import Packing
@@ -128,10 +130,8 @@ def versions() -> dict[str, str]:
 
 def settings_of(material: Material, beams: Beams) -> str:
     """TOML of a run with these beams."""
-    lines = ["# Beams found by macrofit-meso calibrate. mm, N, MPa, t, s."]
-    for name, table in (("material", material), ("beams", beams)):
-        lines += ["", f"[{name}]", *(f"{key} = {value!r}" for key, value in msgspec.structs.asdict(table).items())]
-    return "\n".join(lines) + "\n"
+    tables = {"material": msgspec.to_builtins(material), "beams": msgspec.to_builtins(beams)}
+    return f"# Beams found by macrofit-meso calibrate. mm, N, MPa, t, s.\n\n{dump_toml(tables)}"
 
 
 def slide_line(slide: Slide) -> str:

@@ -28,8 +28,11 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from macrofit.base.files import force_to_disk, writing
+from macrofit.base.log import Log
+
 from ..errors import DatabaseError
-from .journal import Content, Failure, Sample, append, force, journal_of, lock, read_journal, start, writing
+from .journal import Content, Failure, Sample, encode, head, journal_of, read_journal, start
 from .samples import SCHEMA, Header, Samples, content_hash, digests
 
 __all__ = ["Database", "Header", "Samples", "Writer", "content_hash", "open_database", "read", "stock"]
@@ -107,9 +110,9 @@ def stock(path: Path) -> list[str]:
 class Writer:
     """The one process that fills a database; made by `open_database`."""
 
-    def __init__(self, path: Path, header: Header, descriptor: int, content: Content, stored: int) -> None:
+    def __init__(self, path: Path, header: Header, log: Log, content: Content, stored: int) -> None:
         self.path, self.header = path, header
-        self._descriptor = descriptor
+        self._log = log
         self._row = header.row()
         self._rows: list[bytes] = [row.tobytes() for row in content.rows]
         self._failures = content.failures
@@ -119,18 +122,18 @@ class Writer:
         """Keep a sample, laid out as `Header.row`.
 
         Raises:
-            DatabaseError: it cannot be written; all before it are safe.
+            OutputError: it cannot be written; all before it are safe.
         """
         if len(row) != self._row.itemsize:
             raise ValueError(f"a sample of {len(row)} bytes, not {self._row.itemsize}")
-        append(self._descriptor, self.path, Sample(row))
+        self._log.append(encode(Sample(row)))
         self._rows.append(row)
         if len(self._rows) >= max(JOURNALLED, self._stored // 10):
             self.compact()
 
     def fail(self, number: int, reason: str) -> None:
         """Keep the reason of a sample that cannot be computed."""
-        append(self._descriptor, self.path, Failure(number, reason))
+        self._log.append(encode(Failure(number, reason)))
         self._failures[number] = reason
 
     def compact(self) -> None:
@@ -146,11 +149,10 @@ class Writer:
             with h5py.File(draft, "r+") as file:
                 _extend(file, np.frombuffer(b"".join(self._rows), self._row), self._failures)
                 self._stored = len(file["samples/id"])
-            force(draft)
+            force_to_disk(draft)
             os.replace(draft, self.path)
-            force(self.path.parent)
-        old, self._descriptor = self._descriptor, start(journal_of(self.path), self.header)
-        os.close(old)
+            force_to_disk(self.path.parent)
+        self._log.restart(head(self.header))
         self._rows, self._failures = [], {}
 
     def close(self) -> None:
@@ -162,7 +164,7 @@ class Writer:
 
     def abandon(self) -> None:
         """Let go of the journal as it is."""
-        os.close(self._descriptor)
+        self._log.close()
 
 
 @contextmanager
@@ -172,28 +174,28 @@ def open_database(path: Path, header: Header) -> Iterator[tuple[Writer, set[int]
     When the block ends without an error the journal is gone and the HDF5 file has all.
 
     Raises:
-        DatabaseError: another header; foreign, damaged or being filled by another process; cannot be written.
+        DatabaseError: another header; foreign or damaged.
+        OutputError: being filled by another process; cannot be written.
     """
     journal = journal_of(path)
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():  # refuse before anything is made
         header = _same(path, _read_ids(path)[0], header)
-    descriptor = lock(journal) if journal.exists() else start(journal, header, new=True)
+    log = Log.open(journal, durable=True) if journal.exists() else start(journal, header)
     try:
         _, stored, failed = _read_ids(path) if path.exists() else (header, set[int](), set[int]())
         found, content, end = read_journal(journal)
         header = _same(journal, found, header)
-        with writing(journal):
-            os.ftruncate(descriptor, end)
+        log.cut(end)
         # a kill between the replacement of the two files leaves the same in both
         content.rows = content.rows[~np.isin(content.rows["id"], sorted(stored))]
         content.failures = {number: why for number, why in content.failures.items() if number not in failed}
         done = stored | failed | set(content.rows["id"].tolist()) | set(content.failures)
     except BaseException:
-        os.close(descriptor)
+        log.close()
         raise
-    writer = Writer(path, header, descriptor, content, len(stored))
+    writer = Writer(path, header, log, content, len(stored))
     try:
         yield writer, done
     except BaseException:

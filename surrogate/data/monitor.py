@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
-from typing import IO, Any, Protocol
+from collections.abc import Callable
+from typing import IO, Protocol
 
-LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
-"""Variables of a process that mpirun started."""
+from macrofit.base.progress import Bar, duration, say, way_of_showing
+
 PERIOD_S = 20.0
 """Between two plain lines [s]."""
 
@@ -62,7 +61,7 @@ class Lines:
         now = time.perf_counter()
         if now - self._told >= self._period or self._done == self._total:
             self._told = now
-            print(self._line(now - self._since), file=self._stream or sys.stdout, flush=True)
+            say(self._line(now - self._since), self._stream)
 
     def finished(self) -> None:
         """Nothing: the last line has been said."""
@@ -78,47 +77,28 @@ class Progress:
     """A live bar with the time left, for a terminal."""
 
     def __init__(self) -> None:
-        self._bar: Any = None
-        self._task: Any = None
+        # a speed over the last quarter of an hour: samples end in bursts, one per worker
+        self._bar = Bar(
+            "Samples", "BarColumn", "MofNCompleteColumn", "TimeElapsedColumn", "left", "TimeRemainingColumn",
+            "{task.description}", speed_estimate_period=900.0,
+        )  # fmt: skip
         self._failed = 0
 
     def started(self, total: int, done: int) -> None:
         """Show the bar."""
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
-
-        # a speed over the last quarter of an hour: samples end in bursts, one per worker
-        columns = (
-            TextColumn("Samples"), BarColumn(bar_width=30), MofNCompleteColumn(), TimeElapsedColumn(),
-            TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.description}"),
-        )  # fmt: skip
-        self._bar = Bar(*columns, refresh_per_second=4, speed_estimate_period=900.0)
-        self._bar.start()
-        self._task = self._bar.add_task("", total=total, completed=done)
+        self._bar.start(total, done)
 
     def advanced(self, *, failed: bool) -> None:
         """Move the bar."""
         self._failed += failed
-        if self._bar is not None:
-            self._bar.update(self._task, advance=1, description=f"{self._failed} failed" if self._failed else "")
+        self._bar.update(advance=1, description=f"{self._failed} failed" if self._failed else "")
 
     def finished(self) -> None:
         """Leave the bar as it is, and give the terminal back."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
+        self._bar.stop()
 
 
 def on_screen(*, quiet: bool) -> FarmMonitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    if quiet:
-        return Silent()
-    launched = any(name in os.environ for name in LAUNCHED)  # mpirun gives its first rank a terminal, even into a file
-    return Progress() if sys.stdout.isatty() and not launched else Lines()
-
-
-def duration(seconds: float) -> str:
-    """In words a reader needs no table for: 40 s, 12 min, 3.5 h."""
-    if seconds < 100.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
+    ways: dict[str, Callable[[], FarmMonitor]] = {"bar": Progress, "lines": Lines, "nothing": Silent}
+    return ways[way_of_showing(quiet=quiet)]()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -13,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray, HeightArray, IntArray
+from macrofit.base.material import POISSON_RATIO, YOUNGS_MODULUS
+from macrofit.base.toml import TomlError, parse_toml
 
 from ..errors import DatabaseError
 
@@ -31,9 +32,9 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """[mm]."""
     pressure: float = 170.0
     """Before the slide [MPa]."""
-    youngs_modulus: float = 210e3
+    youngs_modulus: float = YOUNGS_MODULUS
     """[MPa]."""
-    poisson_ratio: float = 0.3
+    poisson_ratio: float = POISSON_RATIO
 
     @property
     def load(self) -> float:
@@ -68,11 +69,11 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
             DatabaseError: they are no TOML, or lack a key.
         """
         try:
-            tables = tomllib.loads(self.settings)
+            tables = parse_toml(self.settings, "settings")
             where = {"spheres": "plates", "edge": "plates", "slide": "load", "pressure": "load"}
             keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__}
             return msgspec.convert(keys, Plates)
-        except (tomllib.TOMLDecodeError, KeyError, msgspec.ValidationError) as error:
+        except (TomlError, KeyError, msgspec.ValidationError) as error:
             raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 
     def row(self) -> np.dtype[Any]:

@@ -18,6 +18,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from macrofit.base.files import replacing
+
 from ..errors import DatabaseError
 from .database import Database, read
 from .faces import generated
@@ -37,7 +39,7 @@ def write_table(database: Database, path: Path) -> None:
     """Write all samples but for their heights.
 
     Raises:
-        DatabaseError: it cannot be written.
+        OutputError: it cannot be written.
     """
     header, samples = database.header, database.samples
     columns = {name: getattr(samples, name) for name in header.row().names or () if name not in HEIGHTS}
@@ -49,10 +51,8 @@ def write_table(database: Database, path: Path) -> None:
             rows.writerow(_said(column[i, k] if column.ndim == 2 else column[i]) for column in columns.values())
     body = text.getvalue().encode()
     about = _About(header, database.content_hash, hashlib.sha256(body).hexdigest())
-    try:
-        path.write_bytes(SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body)
-    except OSError as error:
-        raise DatabaseError(f"{path}: cannot be written: {error.strerror}") from error
+    with replacing(path) as draft:
+        draft.write_bytes(SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body)
 
 
 def read_table(path: Path) -> Database:

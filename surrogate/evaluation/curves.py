@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import TrainingError
+from macrofit.base.figure import BLUE, VERMILION, save, sheet
+from macrofit.base.files import replacing
+
 from ..network.train import Curves
-from .plots import BLUE, RED, sheet
 
 
 def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
@@ -21,13 +22,13 @@ def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
         label: of the loss.
 
     Raises:
-        TrainingError: they cannot be written.
+        OutputError: they cannot be written.
     """
     table, picture = stem.with_name(f"{stem.name}.loss.csv"), stem.with_name(f"{stem.name}.loss.png")
     epochs = range(len(curves.training))
-    figure, axes = sheet(6.0, 4.0)
+    figure, (axes,) = sheet(6.0, 4.0)
     axes.plot(epochs, curves.training, color=BLUE, label="training")
-    axes.plot(epochs, curves.validation, color=RED, label="validation")
+    axes.plot(epochs, curves.validation, color=VERMILION, label="validation")
     axes.axvline(curves.best, color="0.5", linewidth=0.8, linestyle="--", label=f"kept: epoch {curves.best}")
     axes.set_xlabel("epoch")
     axes.set_ylabel(label)
@@ -35,14 +36,10 @@ def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:
     settled = np.array(curves.validation)[len(curves.validation) // 20 :]  # the first epochs may leap far up
     low, high = settled.min(), float(np.percentile(settled, 98))
     axes.set_ylim(low - 0.3 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9)
-    try:
-        with table.open("w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["epoch", "training", "validation"])
-            for epoch in epochs:
-                before = "" if epoch == 0 else f"{curves.training[epoch]:.8g}"
-                rows.writerow([epoch, before, f"{curves.validation[epoch]:.8g}"])
-        figure.savefig(picture)
-    except OSError as error:
-        raise TrainingError(f"{error.filename or table}: cannot be written: {error.strerror}") from error
-    return [table, picture]
+    with replacing(table) as draft, draft.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["epoch", "training", "validation"])
+        for epoch in epochs:
+            before = "" if epoch == 0 else f"{curves.training[epoch]:.8g}"
+            rows.writerow([epoch, before, f"{curves.validation[epoch]:.8g}"])
+    return [table, save(figure, picture)]

@@ -4,54 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
+from macrofit.base.figure import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 
-from ..errors import EvaluationError
 from ..network.train import QUANTILE
 from ..pair import Pair
 from .run import Measured, Predicted, constant_ratio, errors
 
-BLUE, RED, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#C8352B", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
-"""Colours of Okabe and Ito that the colour-blind can tell apart, with a redder red."""
 SHOWN = 0.07
 """Micro coefficient of the paper's figure."""
-
-
-def sheet(width: float, height: float, *columns: float) -> tuple[Any, Any]:
-    """A figure of this size [inch] and its axes: one, or several of these relative widths side by side."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=160, layout="constrained")
-    axes = figure.subplots(1, max(1, len(columns)), squeeze=False, width_ratios=columns or None)[0]
-    for one in axes:
-        one.spines[["top", "right"]].set_visible(False)
-        one.tick_params(labelsize=9)
-        one.grid(color="0.9", lw=0.6)
-        one.set_axisbelow(True)
-    return figure, axes if columns else axes[0]
-
-
-def save(figure: Any, target: Path) -> Path:
-    """Write the figure and give its path back.
-
-    Raises:
-        EvaluationError: it cannot be written.
-    """
-    try:
-        figure.savefig(target)
-    except OSError as error:
-        raise EvaluationError(f"{target}: cannot be written: {error.strerror}") from error
-    return target
 
 
 def configurations(data: Measured, said: Predicted, target: Path) -> Path:
     """Actual against predicted by configuration, as in the paper: one micro coefficient, sorted by the actual one."""
     k = int(np.argmin(np.abs(data.micro - SHOWN)))
-    figure, axes = sheet(7.2, 3.6)
+    figure, (axes,) = sheet(7.2, 3.6)
     order = np.argsort(data.meso[..., k].mean(1))
     mean = said.mean[order, :, k].mean(1)
     place = np.arange(len(order))
@@ -64,7 +34,7 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
     axes.plot(place, mean, color=BLUE, lw=1.2, label="predicted")
     for packing in range(data.packings):
         label = "actual, each packing" if packing == 0 else None
-        axes.plot(place, data.meso[order, packing, k], ".", color=RED, ms=3.5, alpha=0.7, label=label)
+        axes.plot(place, data.meso[order, packing, k], ".", color=VERMILION, ms=3.5, alpha=0.7, label=label)
     axes.set_xlabel("configuration, by the rising mean over its packings")
     axes.set_ylabel(f"meso coefficient [-] at $\\mu_{{micro}}$ = {data.micro[k]:g}")
     axes.legend(frameon=False, fontsize=8)
@@ -73,9 +43,9 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
 
 def scatter(data: Measured, said: Predicted, target: Path) -> Path:
     """Predicted over actual for all micro coefficients, and the same for b, the part that roughness alone gives."""
-    figure, (left, right) = sheet(8.6, 4.2, 1.0, 1.0)
+    figure, (left, right) = sheet(8.6, 4.2, columns=(1.0, 1.0))
     actual, guess = data.meso.mean(1), said.mean.mean(1)
-    for k, colour in zip(range(len(data.micro)), (BLUE, GREEN, ORANGE, PURPLE, RED, SKY), strict=False):
+    for k, colour in zip(range(len(data.micro)), (BLUE, GREEN, ORANGE, PURPLE, VERMILION, SKY), strict=False):
         left.plot(actual[:, k], guess[:, k], ".", ms=4, color=colour, label=f"{data.micro[k]:g}")
     left.legend(title="$\\mu_{micro}$", frameon=False, fontsize=8, title_fontsize=8)
     left.set_xlabel(f"actual meso coefficient [-] (mean over {data.packings} packings)")
@@ -93,9 +63,9 @@ def scatter(data: Measured, said: Predicted, target: Path) -> Path:
 
 def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], target: Path) -> Path:
     """Mean relative error against one packing, with its standard error, beside baselines and the noise floor."""
-    figure, axes = sheet(6.4, 4.0)
+    figure, (axes,) = sheet(6.4, 4.0)
     shown = [constant_ratio(data), *others, replace(said, name="this network")]
-    colours = [*("0.55", ORANGE, PURPLE, GREEN, SKY, RED)[: len(shown) - 1], BLUE]
+    colours = [*("0.55", ORANGE, PURPLE, GREEN, SKY, VERMILION)[: len(shown) - 1], BLUE]
     for one, colour in zip(shown, colours, strict=True):
         wrong = errors(data, one)[0].mean(1)  # (n, k)
         axes.errorbar(
@@ -115,7 +85,7 @@ def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], 
 
 def prediction(pair: Pair, target: Path) -> Path:
     """The two faces, and the law between the coefficients with its 90 % interval."""
-    figure, (left, middle, right) = sheet(11.0, 3.2, 1.0, 2.0, 1.4)
+    figure, (left, middle, right) = sheet(11.0, 3.2, columns=(1.0, 2.0, 1.4))
     scale = 1e3 * float(max(np.abs(pair.wheel).max(), np.abs(pair.axle).max()))
     for axes, face, title in ((left, pair.wheel, "wheel"), (middle, pair.axle, "axle")):
         extent = (0.0, (len(face) - 1) / (face.shape[1] - 1), 0.0, 1.0)

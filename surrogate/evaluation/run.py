@@ -19,12 +19,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
 import torch
 
 from macrofit.base.arrays import FloatArray, IntArray
+from macrofit.base.files import write_json
 
 from ..data.samples import Samples
 from ..data.table import open_samples
@@ -118,11 +118,7 @@ def evaluation(
     about |= {"database": database.name, "content_hash": found.content_hash}
     result = report(data, said, others, about)
     target = folder / "evaluation.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
-    except OSError as error:
-        raise EvaluationError(f"{target}: cannot be written: {error.strerror}") from error
+    write_json(target, result)
     figures = [
         plots.configurations(data, said, folder / "configurations.png"),
         plots.scatter(data, said, folder / "scatter.png"),

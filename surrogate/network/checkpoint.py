@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -19,6 +17,8 @@ import safetensors
 import safetensors.torch
 import torch
 from torch import Tensor
+
+from macrofit.base.files import replacing
 
 from ..data.samples import Plates
 from ..errors import CheckpointError
@@ -117,19 +117,13 @@ def save(path: Path, model: Model, provenance: Provenance) -> None:
     """Write the file in one step: whoever looks finds the old one or the new one.
 
     Raises:
-        CheckpointError: it cannot be written.
+        OutputError: it cannot be written.
     """
     tensors = {name: value.detach().cpu().contiguous().clone() for name, value in model.state_dict().items()}
     about = msgspec.json.encode(provenance)
     entry = msgspec.json.encode(_Entry(msgspec.Raw(about), digest(tensors, about))).decode()
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        beside.write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
-        beside.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
-        raise CheckpointError(f"{path}: cannot be written: {error.strerror}") from error
+    with replacing(path) as draft:
+        draft.write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
 
 
 def load(path: Path) -> tuple[Model, Provenance]:

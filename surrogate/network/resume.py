@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +10,7 @@ import safetensors.torch
 import torch
 from torch import Tensor, nn
 
-from ..errors import TrainingError
+from macrofit.base.files import replacing
 
 ENTRY = "macrofit-surrogate-state"
 EVERY = 20.0
@@ -52,16 +51,12 @@ class Saved:
         """Put it in the place of the one before, in one step.
 
         Raises:
-            TrainingError: it cannot be written.
+            OutputError: it cannot be written.
         """
         if self.path is None:
             return
-        beside = self.path.with_name(f".{self.path.name}.draft")
-        try:
-            beside.write_bytes(safetensors.torch.save(tensors, {ENTRY: self.key}))
-            os.replace(beside, self.path)
-        except OSError as error:
-            raise TrainingError(f"{self.path}: cannot be written: {error.strerror}") from error
+        with replacing(self.path) as draft:
+            draft.write_bytes(safetensors.torch.save(tensors, {ENTRY: self.key}))
         self._last = time.monotonic()
 
     def remove(self) -> None:

@@ -15,13 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import meso.files
 import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 import macrofit.base.files
-import meso.files
 from macrofit.base.provenance import reached, source
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, FrictionField, TilePairs, build, load, names, tile_overlaps

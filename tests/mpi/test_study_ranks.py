@@ -12,8 +12,8 @@ import rippled
 from mpi4py import MPI
 from small import small_press
 
+from macrofit.base.farm import deal
 from macrofit.scene import dump_scene
-from macrofit.study.scheduler import deal
 
 WORLD = MPI.COMM_WORLD
 PROGRAM = Path(rippled.__file__)

@@ -1,0 +1,90 @@
+"""What the three commands share: one voice for mistakes, one way to end, few threads."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .errors import MacrofitError
+
+BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
+"""Exit codes."""
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+"""Of every command's context."""
+FILE = click.Path(path_type=Path)
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Variables that numpy, PETSc and numba read when they are first imported."""
+
+
+class Commands(click.Group):
+    """A group that says an error the user can mend on one line and exits with 2; an interruption with 130."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was asked for."""
+        end_as_ctrl_c()
+        try:
+            with warnings_on_one_line():
+                return super().invoke(ctx)
+        except MacrofitError as error:
+            complain(error)
+            ctx.exit(USER_MISTAKE)
+        except KeyboardInterrupt:
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
+
+
+def set_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The option --set, which changes a key of ``what``; the command gets all of them as ``overrides``."""
+    return click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=f"Change a key of {what}.")
+
+
+def complain(message: object) -> None:
+    """Say what went wrong, on one line that begins with the command's name."""
+    context = click.get_current_context(silent=True)
+    name = context.find_root().command.name if context is not None else None
+    click.echo(f"{name or 'macrofit'}: {' '.join(str(message).split())}", err=True)
+
+
+@contextmanager
+def warnings_on_one_line() -> Iterator[None]:
+    """Say a warning in the words of the command, without the place in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
+        yield
+
+
+def end_as_ctrl_c() -> None:
+    """Let SIGTERM, by which a batch system ends a job, do what Ctrl-C does."""
+    with suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def few_threads() -> None:
+    """One thread a process, unless the user has set another number: the small dense problems lose more than they gain.
+
+    Under mpirun the ranks would fight for the cores.
+    """
+    for variable in THREADS:
+        os.environ.setdefault(variable, "1")
+
+
+def say_bug(rank: int, size: int) -> None:
+    """Print the traceback of the exception in hand, with the rank it happened on."""
+    click.echo(f"macrofit: rank {rank} of {size} failed\n{traceback.format_exc()}", err=True)
+    flush()
+
+
+def flush() -> None:
+    """Hand over what was printed, before a process is ended the hard way."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()

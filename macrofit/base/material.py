@@ -1,0 +1,29 @@
+"""The steel of axles and wheels: one place for its constants, whatever the scale."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+YOUNGS_MODULUS, POISSON_RATIO, DENSITY = 206e3, 0.3, 7.85e-9
+"""Railway axle steel [MPa, -, t/mm3]: E = 206 GPa and nu = 0.3, in use for the grades of
+EN 13261; 7850 kg/m3."""
+
+
+class ElasticMaterial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Isotropic linear elasticity: two constants, and what follows from them. By default axle steel."""
+
+    youngs_modulus: Annotated[float, msgspec.Meta(description="Young's modulus E [MPa]", gt=0.0)] = YOUNGS_MODULUS
+    poisson_ratio: Annotated[float, msgspec.Meta(description="Poisson ratio nu [-]", gt=-1.0, lt=0.5)] = POISSON_RATIO
+
+    @property
+    def shear_modulus(self) -> float:
+        """mu = E / (2 (1 + nu)) [MPa]."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+
+    @property
+    def lame_lambda(self) -> float:
+        """lambda = E nu / ((1 + nu) (1 - 2 nu)) [MPa]."""
+        nu = self.poisson_ratio
+        return self.youngs_modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))

@@ -1,0 +1,86 @@
+"""Showing how far a computation is: a live bar on a terminal, plain lines elsewhere, or nothing."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import IO, Any, Literal
+
+LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
+"""Variables of a process that mpirun started."""
+REFRESH_S = 0.1
+"""Shortest time between two redraws of a bar [s]: drawing costs as much as a small increment."""
+
+
+def launched() -> bool:
+    """Whether mpirun started this process."""
+    return any(name in os.environ for name in LAUNCHED)
+
+
+def way_of_showing(*, quiet: bool) -> Literal["bar", "lines", "nothing"]:
+    """What suits the standard output; mpirun gives its first rank a terminal even where it writes into a file."""
+    if quiet:
+        return "nothing"
+    return "bar" if sys.stdout.isatty() and not launched() else "lines"
+
+
+def say(text: str, stream: IO[str] | None = None) -> None:
+    """One plain line, at once."""
+    print(text, file=stream or sys.stdout, flush=True)
+
+
+def duration(seconds: float) -> str:
+    """A time in words a reader needs no table for: 40 s, 12 min, 3.5 h."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
+
+
+class Bar:
+    """A live bar of rich, imported when it is shown; every call is allowed before `start` and after `stop`.
+
+    Args:
+        columns: names of the classes of `rich.progress`, or texts as `TextColumn` takes them.
+        options: of `rich.progress.Progress`.
+    """
+
+    def __init__(self, *columns: str, **options: Any) -> None:
+        self._columns, self._options = columns, options
+        self._bar: Any = None
+        self._task: Any = None
+        self._drawn = 0.0
+
+    def start(self, total: int, completed: int = 0, description: str = "", **fields: Any) -> None:
+        """Show the bar."""
+        from rich import progress
+
+        columns = [
+            getattr(progress, name)() if hasattr(progress, name) else progress.TextColumn(name)
+            for name in self._columns
+        ]
+        self._bar = progress.Progress(*columns, auto_refresh=False, **self._options)
+        self._bar.start()
+        self._task = self._bar.add_task(description, total=total, completed=completed, **fields)
+
+    def update(self, *, at_once: bool = False, **changes: Any) -> None:
+        """Move the bar or change its texts; it is redrawn a few times a second, or at once."""
+        if self._bar is None:
+            return
+        self._bar.update(self._task, **changes)
+        now = time.monotonic()
+        if at_once or now - self._drawn >= REFRESH_S:
+            self._drawn = now
+            self._bar.refresh()
+
+    def print(self, text: str) -> None:
+        """A line above the bar."""
+        if self._bar is not None:
+            self._bar.console.print(text, markup=False, highlight=False)
+
+    def stop(self) -> None:
+        """Draw the bar a last time and give the terminal back."""
+        if self._bar is not None:
+            self._bar.refresh()
+            self._bar.stop()
+            self._bar = None

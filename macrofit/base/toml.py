@@ -1,0 +1,128 @@
+"""TOML: read, changed by ``key=value``, written back. The only reader and writer of it in the three packages."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .errors import MacrofitError
+
+
+class TomlError(MacrofitError):
+    """A text that is not TOML, or an override that is not ``key=value``."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a file.
+
+    Raises:
+        TomlError: it cannot be read, or is not TOML.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise TomlError(f"{path}: is not a text in UTF-8 (byte {error.start})") from None
+    except OSError as error:
+        raise TomlError(f"{path}: cannot be read: {error.strerror or error}") from None
+    return parse_toml(text, str(path))
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """The tables of a text; ``source`` names it in a message.
+
+    Raises:
+        TomlError: it is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise TomlError(f"{source}: not valid TOML: {error or 'nested too deeply'}") from None
+
+
+def dump_toml(tables: Mapping[str, Any]) -> str:
+    """The tables as TOML, which `parse_toml` reads back equal; keys whose value is None are left out."""
+    import tomli_w
+
+    return tomli_w.dumps(_without_none(tables))
+
+
+def split_override(text: str, example: str = "motion.travel=20") -> tuple[tuple[str, ...], Any]:
+    """The key of ``key=value``, part by part, and its value: TOML, or else the text as it stands.
+
+    A part of a key that holds a dot or a space is quoted, as in TOML.
+
+    Raises:
+        TomlError: there is no ``=``, or the key is not one of TOML.
+    """
+    written = _split_at_equals(text)
+    path = None if written is None else _key_path(written[0])
+    if written is None or path is None:
+        raise TomlError(f"'{text}': an override is written key=value, for example {example}")
+    value = written[1]
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return path, value
+    return path, parsed["value"] if len(parsed) == 1 else value
+
+
+def set_key(tables: dict[str, Any], path: Sequence[str], value: Any) -> None:
+    """Put a value under a dotted key; tables on the way are made.
+
+    Raises:
+        TomlError: a part of the key is no table.
+    """
+    *parts, last = path
+    for part in parts:
+        tables = tables.setdefault(part, {})
+        if not isinstance(tables, dict):
+            raise TomlError(f"{join_key(path)}: '{part}' is not a table")
+    tables[last] = value
+
+
+def join_key(path: Sequence[str]) -> str:
+    """A dotted key, its parts quoted where TOML wants it."""
+    return ".".join(dump_toml({part: 0}).removesuffix(" = 0\n") for part in path)
+
+
+def unknown_key(key: str, known: Sequence[str]) -> str:
+    """What to say of a key that is not there, with the nearest one that is."""
+    close = difflib.get_close_matches(key.rpartition(".")[2], known, n=1)
+    remedy = f"did you mean '{close[0]}'?" if close else f"known keys: {', '.join(known)}"
+    return f"{key}: unknown key ({remedy})"
+
+
+def _split_at_equals(text: str) -> tuple[str, str] | None:
+    """Key and value of ``key=value``; an ``=`` inside the quotes of a key does not count."""
+    place = text.find("=")
+    while place >= 0:
+        if _key_path(text[:place]) is not None:
+            return text[:place], text[place + 1 :].strip()
+        place = text.find("=", place + 1)
+    return None
+
+
+def _key_path(text: str) -> tuple[str, ...] | None:
+    """The parts of a dotted key; None where it is none."""
+    if "\n" in text or "#" in text.split('"')[0].split("'")[0]:
+        return None
+    try:
+        tables: Any = tomllib.loads(f"{text} = 0")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return None
+    path = []
+    while isinstance(tables, dict):
+        ((part, tables),) = tables.items()
+        path.append(part)
+    return tuple(path)
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return value
