@@ -20,7 +20,7 @@ from scipy.sparse import diags
 
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 from macrofit.base.files import write_text
-from macrofit.base.toml import dump_toml, parse_toml
+from macrofit.base.toml import TomlError, dump_toml, parse_toml
 
 from . import kernels
 from .errors import OutputError, SettingsError
@@ -115,11 +115,11 @@ def read_calibration(text: str, source: str = "calibration") -> Calibration:
     """A calibration from TOML.
 
     Raises:
-        OutputError, TomlError: it is not one.
+        OutputError: it is not one.
     """
     try:
         return msgspec.convert(parse_toml(text, source), Calibration)
-    except msgspec.ValidationError as error:
+    except (TomlError, msgspec.ValidationError) as error:
         raise OutputError(f"{source}: not a calibration: {error}; run macrofit-meso calibrate again") from None
 
 

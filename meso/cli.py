@@ -10,7 +10,7 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.errors import OutputError
-from macrofit.base.material import POISSON_RATIO, YOUNGS_MODULUS
+from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
 if TYPE_CHECKING:
     from .settings import Settings

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from macrofit.base.material import DENSITY, ElasticMaterial
+from macrofit.base.material import ElasticMaterial
+from macrofit.base.steel import DENSITY
 
 from .errors import SettingsError
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from macrofit.base.toml import dump_toml, read_toml, set_key, split_override, unknown_key
+from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_override, unknown_key
 
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material
@@ -193,11 +193,12 @@ def load(source: str | Path | None = None, overrides: Iterable[str] = ()) -> Set
     """Settings from a TOML file (None: all defaults), changed by ``key=value`` overrides with dotted keys.
 
     Raises:
-        SettingsError, TomlError: one line that names the file or the key.
+        SettingsError: one line that names the file or the key.
     """
-    tables: dict[str, Any] = {} if source is None else read_toml(Path(source))
-    for override in overrides:
-        set_key(tables, *split_override(override, "load.pressure=100"))
+    with errors_as(SettingsError):
+        tables: dict[str, Any] = {} if source is None else read_toml(Path(source))
+        for override in overrides:
+            set_key(tables, *split_override(override, "load.pressure=100"))
     return decode(tables)
 
 

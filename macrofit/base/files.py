@@ -26,7 +26,8 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        remedy = "make room, then give the same command" if error.errno in FULL else "choose another place with -o"
+        room = "make room, then give the same command, for a run or a study with --resume"
+        remedy = room if error.errno in FULL else "choose another place with -o"
         raise OutputError(f"{path}: cannot be written: {error.strerror or error} ({remedy})") from error
 
 

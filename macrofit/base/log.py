@@ -2,8 +2,9 @@
 
     magic, frame of the header, frame, frame, ...
 
-A frame is a head (length of the content, CRC-32 of that length, SHA-256 of the content) and the content. The check of
-the length tells a frame that was torn while it was written, which can only be the last, from one that is damaged.
+A frame is a head (length of the content, CRC-32 of that length, SHA-256 of the content), the content, and one byte that
+is not zero. Check and last byte tell a frame that was torn while it was written, which can only be the last, from one
+that is damaged.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from .files import append_whole, force_to_disk, writing
 
 _LENGTH = struct.Struct("<Q")
 _HEAD = struct.Struct("<QI32s")
+_END = b"\xff"
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK)
 
 
@@ -99,7 +101,7 @@ class Log:
 def frame(content: bytes) -> bytes:
     """The content as one frame."""
     length = len(content)
-    return _HEAD.pack(length, zlib.crc32(_LENGTH.pack(length)), hashlib.sha256(content).digest()) + content
+    return _HEAD.pack(length, zlib.crc32(_LENGTH.pack(length)), hashlib.sha256(content).digest()) + content + _END
 
 
 def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
@@ -116,15 +118,15 @@ def frames(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
         if check != zlib.crc32(_LENGTH.pack(length)):
             if not any(data[place:]):
                 return
-            raise ValueError(f"is damaged at byte {place}")
-        end = place + _HEAD.size + length
+            raise ValueError(f"damaged at byte {place}")
+        end = place + _HEAD.size + length + len(_END)
         if end > len(data):
             return
-        content = data[place + _HEAD.size : end]
-        if hashlib.sha256(content).digest() != digest:
-            if end == len(data) and not any(content):
+        content, mark = data[place + _HEAD.size : end - 1], data[end - 1 : end]
+        if mark != _END or hashlib.sha256(content).digest() != digest:
+            if end == len(data) and mark == b"\0":
                 return
-            raise ValueError(f"is damaged at byte {place}")
+            raise ValueError(f"damaged at byte {place}")
         yield content, end
         place = end
 

@@ -1,4 +1,4 @@
-"""The steel of axles and wheels: one place for its constants, whatever the scale."""
+"""Isotropic linear elasticity."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from typing import Annotated
 
 import msgspec
 
-YOUNGS_MODULUS, POISSON_RATIO, DENSITY = 206e3, 0.3, 7.85e-9
-"""Railway axle steel [MPa, -, t/mm3]: E = 206 GPa and nu = 0.3, in use for the grades of
-EN 13261; 7850 kg/m3."""
+from .steel import POISSON_RATIO, YOUNGS_MODULUS
 
 
 class ElasticMaterial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

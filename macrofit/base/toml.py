@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,15 @@ from .errors import MacrofitError
 
 class TomlError(MacrofitError):
     """A text that is not TOML, or an override that is not ``key=value``."""
+
+
+@contextmanager
+def errors_as(kind: type[MacrofitError]) -> Iterator[None]:
+    """Let what is wrong with a text or an override be an error of the caller's own tree, with the same words."""
+    try:
+        yield
+    except TomlError as error:
+        raise kind(str(error)) from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -24,7 +34,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise TomlError(f"{path}: is not a text in UTF-8 (byte {error.start})") from None
+        raise TomlError(f"{path}: cannot be read as text: not UTF-8 (byte {error.start})") from None
     except OSError as error:
         raise TomlError(f"{path}: cannot be read: {error.strerror or error}") from None
     return parse_toml(text, str(path))

@@ -12,7 +12,7 @@ from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 from ..results.folder import read_curve
 from ..results.summary import verdict
-from . import friction
+from .friction import friction
 from .stress import stress
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def write_figures(folder: Path, solution: Solution) -> list[Path]:
     if any(record.normal_force > 0.0 for record in solution.increments):
         drawn["interface.png"] = interface(solution)
         if solution.friction is not None and solution.friction.seat.size:
-            drawn["friction.png"] = friction.friction(solution, solution.friction)
+            drawn["friction.png"] = friction(solution, solution.friction)
     if solution.fields:
         drawn["stress.png"] = stress(solution)
         drawn["stress_entrance.png"] = stress(solution, zoom=min(ZOOM, 4.0 * _contact_length(solution)))

@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from ..base.toml import dump_toml, parse_toml, read_toml, set_key, split_override, unknown_key
+from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override, unknown_key
 from ..errors import SceneError
 from .checks import check
 from .keys import ContactKeys, Disc, Drawn, FrictionKeys, Hub, Keys, MeshKeys, Motion, OutputKeys, Scene, Shaft
@@ -37,15 +37,17 @@ def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | 
     before any override changes them. Another friction provider starts without the options of the one it replaces,
     wherever in the order it is named. Raises SceneError with one line that names the key.
     """
-    raw, folder = _read(source)
-    changes = [split_override(text) for text in overrides]
-    named = [value for path, value in changes if path == PRESET]
-    for name in named[-1:] or ([] if preset is None else [preset]):
-        raw = refined(raw, str(name))
-    for path, value in sorted((change for change in changes if change[0] != PRESET), key=lambda at: at[0] != PROVIDER):
-        if path == PROVIDER:
-            _drop_options(raw, value)
-        set_key(raw, path, value)
+    with errors_as(SceneError):
+        raw, folder = _read(source)
+        changes = [split_override(text) for text in overrides]
+        named = [value for path, value in changes if path == PRESET]
+        for name in named[-1:] or ([] if preset is None else [preset]):
+            raw = refined(raw, str(name))
+        others = [change for change in changes if change[0] != PRESET]
+        for path, value in sorted(others, key=lambda change: change[0] != PROVIDER):
+            if path == PROVIDER:
+                _drop_options(raw, value)
+            set_key(raw, path, value)
     return build_scene(raw, folder)
 
 

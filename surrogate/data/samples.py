@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray, HeightArray, IntArray
-from macrofit.base.material import POISSON_RATIO, YOUNGS_MODULUS
+from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 from macrofit.base.toml import TomlError, parse_toml
 
 from ..errors import DatabaseError

@@ -15,13 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import meso.files
 import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-import macrofit.base.files
 from macrofit.base.provenance import reached, source
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, FrictionField, TilePairs, build, load, names, tile_overlaps
@@ -210,7 +208,7 @@ def test_work_that_is_missing_is_told_once_and_counted(
         ({"micro_friction": -0.1}, "friction.options.micro_friction = -0.1 is out of bounds"),
         ({"micro_friction": [0.1, 0.2]}, "`friction.options.micro_friction`"),
         ({"plates": 3}, "`friction.options.plates`"),
-        ({"plates": {"sphere": 3}}, "friction.options.plates.sphere: no such key; did you mean spheres?"),
+        ({"plates": {"sphere": 3}}, "friction.options.plates.sphere: unknown key (did you mean 'spheres'?)"),
         ({"plates": {"spheres": 0}}, "friction.options.plates.spheres = 0 is out of bounds"),
         ({"plates": {"spheres": "many"}}, "friction.options.plates.spheres: Expected"),
         ({"plates": {"edge": 1.0}}, "friction.options.plates.edge: leave it out, it is the length of a tile"),
@@ -466,23 +464,6 @@ def test_what_computes_is_part_of_the_key(what: str, monkeypatch: pytest.MonkeyP
     before = fingerprint(Settings())
     monkeypatch.setattr(coefficient_cache, what, lambda: "another")
     assert fingerprint(Settings()) != before
-
-
-@pytest.mark.parametrize(
-    ("own", "base", "folder"),
-    [("/own", "/base", "/own"), (None, "/base", "/base/macrofit"), (None, None, "/home/me/.cache/macrofit")],
-)
-def test_solver_and_plates_agree_on_the_folder(
-    own: str | None, base: str | None, folder: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Neither package may import the other's function."""
-    monkeypatch.setenv("HOME", "/home/me")
-    for name, value in (("MACROFIT_CACHE", own), ("XDG_CACHE_HOME", base)):
-        if value is None:
-            monkeypatch.delenv(name, raising=False)
-        else:
-            monkeypatch.setenv(name, value)
-    assert macrofit.base.files.cache_folder() == str(meso.files.cache_folder()) == folder
 
 
 # Pairs that fail

@@ -181,9 +181,9 @@ def test_an_unfinished_run_of_the_same_scene_is_not_replaced(tmp_path):
 def test_two_runs_do_not_write_the_same_journal(tmp_path):
     path = tmp_path / "journal.bin"
     with Journal.start(path, fake_scene()):
-        with pytest.raises(OutputError, match="another run is writing it"):
+        with pytest.raises(OutputError, match="another process is writing it"):
             Journal.start(path, fake_scene(), replace=True)
-        with pytest.raises(OutputError, match="another run is writing it"):
+        with pytest.raises(OutputError, match="another process is writing it"):
             Journal.resume(path, fake_scene())
     Journal.resume(path, fake_scene()).close()
 

@@ -16,7 +16,7 @@ from macrofit.errors import MeshError, SceneError
 from macrofit.scene import build_scene, load_scene
 from macrofit.solve import solve
 
-MESHES = Path(__file__).parents[2] / "meshes"
+MESHES = Path(__file__).parents[3] / "meshes"
 
 
 def area(data: MeshData) -> float:

@@ -198,7 +198,7 @@ def test_the_data_of_a_run(place):
     ("arguments", "message"),
     [
         (["run", "none.toml"], "none.toml: cannot be read"),
-        (["run", "--set", "plates.spheers=3"], "plates.spheers: no such key; did you mean spheres?\n"),
+        (["run", "--set", "plates.spheers=3"], "plates.spheers: unknown key (did you mean 'spheres'?)\n"),
         (["run", "--micro-friction", "nan"], "contact.micro_friction = nan is out of bounds"),
         (["run", "-o", "taken"], "taken: is not empty and holds no run of macrofit-meso"),
         (["run", "--set", "plates.spheres=10", "-o", "out"], "3 spheres of 480 um are too large"),
@@ -377,7 +377,7 @@ def test_a_calibration_is_written_with_its_figures(place, monkeypatch):
     assert (found.spheres, found.packings) == (200, 2)
     settings = load(place / "steel" / "beams.toml")
     assert settings.material.poisson_ratio == 0.25
-    assert settings.beams == found.beams(210e3)
+    assert settings.beams == found.beams(206e3)
     assert f"Radius ratio    {found.radius_ratio:.4f} for a Poisson ratio of 0.25" in shown.stdout
     assert f"Scatter         {found.modulus_scatter:.1%} of the modulus" in shown.stdout
     shown = meso("calibrate", "--spheres", "200", "--packings", "1", "--no-figures", "-o", "plain")

@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
+from macrofit.base import figure
 from meso.errors import OutputError
 from meso.figures import plates as plots
 from meso.figures import render as picture
-from meso.figures import style as figure
 from meso.monitor import Lines, Progress, Silent, on_screen
 from meso.records import Breaks, Curve, Slide, Work
 from meso.results import folder as output

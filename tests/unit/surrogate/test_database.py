@@ -19,6 +19,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from macrofit.base.errors import OutputError
+from macrofit.base.log import frame
 from surrogate.data import database, journal
 from surrogate.data.database import Header, Samples, content_hash, open_database, read, stock
 from surrogate.data.journal import journal_of
@@ -118,7 +120,7 @@ def test_a_torn_tail_costs_one_sample_and_is_written_again(tmp_path):
         for number in range(3):
             writer.append(row(number))
             whole = journal_of(path).read_bytes()
-        before = len(whole) - len(journal.frame(msgspec.msgpack.encode(journal.Sample(row(2)))))
+        before = len(whole) - len(frame(journal.encode(journal.Sample(row(2)))))
     fill(tmp_path / "b.h5", [0, 1, 2])
     cuts = [before, before + 1, before + 39, before + 40, before + 41, (before + len(whole)) // 2, len(whole) - 1]
     for cut in cuts:
@@ -295,7 +297,7 @@ def test_one_writer_at_a_time(tmp_path):
     path = tmp_path / "a.h5"
     with open_database(path, HEADER) as (writer, _):
         for _ in range(2):
-            with pytest.raises(DatabaseError, match="another process is filling"):
+            with pytest.raises(OutputError, match="another process is writing it"):
                 fill(path, [1])
             writer.fail(0, "why")
             writer.compact()  # the new journal is as locked as the first
@@ -312,7 +314,7 @@ def test_a_full_disk_keeps_what_was_there(tmp_path, monkeypatch):
     real = os.write
     begun(path, [0])
     monkeypatch.setattr(os, "write", half)
-    with pytest.raises(DatabaseError, match=r"a\.h5: cannot be written: No space left"):
+    with pytest.raises(OutputError, match=r"a\.h5\.journal: cannot be written: No space left"):
         fill(path, [1])
     monkeypatch.undo()
     assert ids(path) == [0]
@@ -324,7 +326,7 @@ WRITER = """
 import sys, time
 sys.path.insert(0, {folder!r})
 from pathlib import Path
-import test_surrogate_database as here
+import test_database as here
 here.database.JOURNALLED = 4
 with here.open_database(Path(sys.argv[1]), here.HEADER) as (writer, done):
     print("ready", flush=True)

@@ -135,7 +135,7 @@ def test_keys_of_the_design_are_refused_among_the_settings():
     for override in ("surface.levels=3", "surface={levels=4}", "contact.micro_friction=0.07", "plates.packing_seed=0"):
         with pytest.raises(DesignError, match=override.partition("=")[0]):
             plates([override])
-    with pytest.raises(DesignError, match=r"plates\.sphere: no such key; did you mean spheres"):
+    with pytest.raises(DesignError, match=r"plates\.sphere: unknown key \(did you mean 'spheres'"):
         plates(["plates.sphere=3"])
 
 
