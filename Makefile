@@ -55,9 +55,11 @@ setup-network: system-torch $(BUILT)-network ## the same, with torch for the net
 setup-test: system-torch $(BUILT)-test ## the same, with the development tools too
 
 demo: setup-network ## press the built-in wheelset, on uniform and on rough friction, and say where the figures are
-	$(BIN)/macrofit study wheelset --set friction.provider=surrogate --vary friction.options.micro_friction=0.07 \
-	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo
-	@echo "The figures are:" && ls -1 demo/*.png demo/runs/*/*.png
+	@(set -x; $(BIN)/macrofit study wheelset --set friction.provider=surrogate \
+	    --vary friction.options.micro_friction=0.07 --reference uniform=0.11 \
+	    --set 'output.fields_at=[22,180]' --keep -o demo)
+	echo "The figures are:"
+	ls -1 demo/*.png demo/runs/*/*.png
 
 TESTS := tests
 test: setup-test ## serial tests, then the MPI ones on two ranks; TESTS="tests/unit tests/mpi" for some
