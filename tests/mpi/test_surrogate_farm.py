@@ -51,7 +51,8 @@ def test_killed_and_gone_on_with(alone, tmp_path, mpirun: Mpirun):
     journal = path.with_name("a.h5.journal")
     job = subprocess.Popen(
         ["mpirun", "-n", "3", sys.executable, *COMMAND, "-o", str(path)],
-        cwd=ROOT, env=launcher_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        cwd=ROOT, env=launcher_environment(),
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     while not (journal.exists() and len(read(path).samples)):
         assert job.poll() is None
