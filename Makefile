@@ -84,7 +84,7 @@ clean: ## remove .venv, the demo and every cache
 	rm -rf .venv demo build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Shell functions of the recipes below. quietly WHAT COMMAND... says nothing unless the command fails, and then one line.
+# Shell functions of the recipes below. quietly WHAT COMMAND... says nothing unless the command fails; then, one line.
 define FUNCTIONS
 fail() {
 	echo "$$*" >&2
@@ -106,6 +106,11 @@ quietly() {
 	        text=$$(grep -iE '^(E:|error)' <<< "$$text" || tail -n 1 <<< "$$text") ;;
 	esac
 	fail "$$what:" $$text
+}
+with_torch() { # with_torch EXTRA
+	$(BIN)/python -c 'import torch' 2> /dev/null \
+	    || echo "Loading torch: 200 MB, or several GB where the index has only the build for GPUs"
+	quietly "Python packages" $(PIP) --no-build-isolation -e ".[$$1]"
 }
 endef
 
@@ -136,7 +141,7 @@ else
 system system-torch:
 	@$(FUNCTIONS)
 	lacks=$$($(PYTHON) -c 'from importlib.util import find_spec; import sys;
-	    print(*(name for name in sys.argv[1:] if not find_spec(name)))' $(MODULES) 2> /dev/null) || lacks="an interpreter"
+	    print(*(name for name in sys.argv[1:] if not find_spec(name)))' $(MODULES) 2> /dev/null) || lacks=everything
 	[ -z "$$lacks" ] || fail "$(RELEASE) is untried, and $(PYTHON) lacks $$lacks: take Debian 12 or 13," \
 	    "or install these and name their interpreter, make PYTHON=/path/to/python3"
 	echo "$(RELEASE) is untried, known are Debian 12 and 13; going on with what $(PYTHON) has" >&2
@@ -154,10 +159,10 @@ $(BUILT): pyproject.toml constraints.txt
 
 $(BUILT)-network: $(BUILT)
 	@$(FUNCTIONS)
-	quietly "Python packages of the network" $(PIP) --no-build-isolation -e '.[surrogate]'
+	with_torch surrogate
 	touch $@
 
 $(BUILT)-test: $(BUILT)
 	@$(FUNCTIONS)
-	quietly "Python packages of the tests" $(PIP) --no-build-isolation -e '.[surrogate,dev]'
+	with_torch surrogate,dev
 	touch $@
