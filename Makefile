@@ -1,21 +1,33 @@
-# Everything from a fresh Debian 12 to the tests. `make` alone lists the targets.
+# Everything from a fresh Debian 12 or 13 to the tests. `make` alone lists the targets.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
+.NOTPARALLEL:
+.ONESHELL:
 
 # dolfinx is built for the distribution's interpreter, whatever `python3` on the path may be.
 PYTHON := /usr/bin/python3
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt -c .venv/numpy.txt
+
+OS_RELEASE := /etc/os-release
+RELEASE := $(shell { . $(OS_RELEASE) && echo "$$ID-$${VERSION_ID-}" || echo unknown; } 2> /dev/null)
+BUILT := .venv/.$(RELEASE)
 
 # libopenblas0-serial: the reference BLAS is several times slower in the factorisations.
 # The libraries of the last line are what the gmsh module loads, window or not.
-DEBIAN_PACKAGES := python3-venv python3-dolfinx-real python3-gmsh python3-scipy python3-numba \
+PACKAGES := python3-venv python3-dolfinx-real python3-gmsh python3-scipy python3-numba \
 	python3-matplotlib python3-meshio python3-h5py-mpi python3-pytest python3-click \
-	openmpi-bin libopenblas0-serial libcholmod3 libmetis5 \
+	openmpi-bin libopenblas0-serial libmetis5 \
 	libegl1 libgl1 libxrender1 libxcursor1 libgomp1
+PACKAGES_debian-12 := libcholmod3
+# There the parallel h5py is empty without the serial one, and torch is a package of the distribution.
+PACKAGES_debian-13 := libcholmod5 python3-h5py
+TORCH_debian-13 := python3-torch python3-safetensors
+# What any other release must have.
+MODULES := venv dolfinx petsc4py mpi4py gmsh scipy numba matplotlib meshio h5py
 
 # One thread per rank; Open MPI may run as root and on fewer cores than ranks.
 export OMP_NUM_THREADS := 1
@@ -25,28 +37,38 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_hwloc_base_binding_policy := none
 export OMPI_MCA_rmaps_base_oversubscribe := 1
+# The same for Open MPI 5, of Debian 13.
+export PRTE_MCA_hwloc_default_binding_policy := none
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system demo test bench lint clean
+.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench lint clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 
-setup: .venv/.stamp-base ## install what is missing and build .venv (no torch)
+setup: system $(BUILT) ## install what is missing and build .venv (no torch)
 
-setup-network: .venv/.stamp-network ## the same, with torch for the network
+setup-network: system-torch $(BUILT)-network ## the same, with torch for the network
 
-setup-test: .venv/.stamp-test ## the same, with the development tools too
+setup-test: system-torch $(BUILT)-test ## the same, with the development tools too
 
 demo: setup-network ## press the built-in wheelset, on uniform and on rough friction, and say where the figures are
-	$(BIN)/macrofit study wheelset --set friction.provider=surrogate --vary friction.options.micro_friction=0.07 \
-	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo
-	@echo "The figures are:" && ls -1 demo/*.png demo/runs/*/*.png
+	@(set -x; $(BIN)/macrofit study wheelset --set friction.provider=surrogate \
+	    --vary friction.options.micro_friction=0.07 --reference uniform=0.11 \
+	    --set 'output.fields_at=[22,180]' --keep -o demo)
+	echo "The figures are:"
+	ls -1 demo/*.png demo/runs/*/*.png
 
-test: setup-test ## serial tests, then the MPI ones on two ranks
-	$(BIN)/python -m pytest --durations=10
-	timeout 600 mpirun -n 2 $(BIN)/python -m pytest -m mpi tests
+TESTS := tests
+test: setup-test ## serial tests, then the MPI ones on two ranks; TESTS="tests/unit tests/mpi" for some
+	$(BIN)/python -m pytest --durations=10 $(TESTS)
+	timeout 600 mpirun -n 2 $(BIN)/python -m pytest -m mpi $(TESTS)
+
+SUITE :=
+fresh: ## the same from empty, in Debian 12 and 13 made for it (as root); SUITE=trixie for one
+	tests/fresh $(SUITE)
 
 NAMES :=
 bench: setup-test ## measure everything anew (an hour) and write docs/benchmarks.md; NAMES="cost sweep" for some
@@ -62,35 +84,85 @@ clean: ## remove .venv, the demo and every cache
 	rm -rf .venv demo build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Shell functions of the recipes below. quietly WHAT COMMAND... says nothing unless the command fails; then, one line.
+define FUNCTIONS
+fail() {
+	echo "$$*" >&2
+	exit 1
+}
+quietly() {
+	local what=$$1 text
+	shift
+	text=$$("$$@" 2>&1 < /dev/null) && return
+	case $$text in
+	    *"No space left"* | *"enough free space"*)
+	        text="the disk is full: free 5 GB and type make again" ;;
+	    *"emporary failure"* | *"ould not resolve"* | *"new connection"* | *NewConnectionError* | *ProxyError* \
+	        | *"Failed to fetch"* | *"Unable to locate package"* | *"no installation candidate"* | *"timed out"*)
+	        text="the network or the package index does not answer: mend that and type make again" ;;
+	    *"held by process"*)
+	        text="another program is installing: wait for its end and type make again" ;;
+	    *)
+	        text=$$(grep -iE '^(E:|error)' <<< "$$text" || tail -n 1 <<< "$$text") ;;
+	esac
+	fail "$$what:" $$text
+}
+with_torch() { # with_torch EXTRA
+	$(BIN)/python -c 'import torch' 2> /dev/null \
+	    || echo "Loading torch: 200 MB, or several GB where the index has only the build for GPUs"
+	quietly "Python packages" $(PIP) --no-build-isolation -e ".[$$1]"
+}
+endef
+
 # Asks the package database each time, and touches the system only when something is missing.
-system:
-	@command -v dpkg-query > /dev/null || { echo "The set-up needs Debian 12 or later." >&2; exit 1; }
-	@present=$$(dpkg-query -W -f='$${db:Status-Abbrev} $${Package}\n' $(DEBIAN_PACKAGES) 2> /dev/null \
-	    | sed -n 's/^ii *//p' || true); \
-	missing=$$(comm -23 <(printf '%s\n' $(DEBIAN_PACKAGES) | sort -u) <(echo "$$present" | sort -u)); \
-	if [ -n "$$missing" ]; then \
-	    sudo=; \
-	    if [ "$$(id -u)" != 0 ]; then \
-	        command -v sudo > /dev/null \
-	            || { echo "Run as root, or install:" $$missing >&2; exit 1; }; \
-	        sudo=sudo; \
-	    fi; \
-	    echo "Installing Debian packages:" $$missing; \
-	    $$sudo apt-get update -qq || echo "The package lists could not be refreshed; going on." >&2; \
-	    $$sudo env DEBIAN_FRONTEND=noninteractive \
-	        apt-get install -y -qq --no-install-recommends $$missing; \
+system: WANTED := $(PACKAGES) $(PACKAGES_$(RELEASE))
+system-torch: WANTED := $(PACKAGES) $(PACKAGES_$(RELEASE)) $(TORCH_$(RELEASE))
+ifneq ($(PACKAGES_$(RELEASE)),)
+system system-torch:
+	@$(FUNCTIONS)
+	present=$$(dpkg-query -W -f='$${db:Status-Abbrev} $${Package}\n' $(WANTED) 2> /dev/null | sed -n 's/^ii *//p' || true)
+	missing=$$(comm -23 <(printf '%s\n' $(WANTED) | sort -u) <(sort -u <<< "$$present") | paste -sd ' ')
+	[ -n "$$missing" ] || exit 0
+	sudo=
+	if [ "$$(id -u)" != 0 ]; then
+	    sudo="sudo -n"
+	    { sudo -n true || { [ -t 0 ] && sudo -v; }; } 2> /dev/null \
+	        || fail "Debian packages are missing, and this user has no sudo. As root, type:" \
+	            "apt-get update && apt-get install -y --no-install-recommends $$missing"
 	fi
+	apt="$$sudo env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get --no-install-recommends -o DPkg::Lock::Timeout=60"
+	$$apt update -qq > /dev/null 2>&1 || true # old lists may do
+	load=$$($$apt install --assume-no $$missing 2> /dev/null \
+	    | sed -nE 's/^Need to get ([0-9.]+ [kM]?B).*/\1/p' || true)
+	case $$load in *" MB") minutes=$$((1 + $${load%%[. ]*} / 200)) ;; *) minutes=1 ;; esac
+	echo "Installing Debian packages: $${load:-nobody knows how much} to load, about $$minutes min"
+	quietly "Debian packages" $$apt install -y -qq $$missing
+else
+system system-torch:
+	@$(FUNCTIONS)
+	lacks=$$($(PYTHON) -c 'from importlib.util import find_spec; import sys;
+	    print(*(name for name in sys.argv[1:] if not find_spec(name)))' $(MODULES) 2> /dev/null) || lacks=everything
+	[ -z "$$lacks" ] || fail "$(RELEASE) is untried, and $(PYTHON) lacks $$lacks: take Debian 12 or 13," \
+	    "or install these and name their interpreter, make PYTHON=/path/to/python3"
+	echo "$(RELEASE) is untried, known are Debian 12 and 13; going on with what $(PYTHON) has" >&2
+endif
 
-.venv/.stamp-base: pyproject.toml constraints.txt | system
-	$(PYTHON) -m venv --system-site-packages .venv
-	$(PIP) install -c constraints.txt setuptools
-	$(PIP) install -c constraints.txt --no-build-isolation -e .
-	@touch $@
+$(BUILT): pyproject.toml constraints.txt
+	@$(FUNCTIONS)
+	quietly "The Python environment .venv" $(PYTHON) -m venv --system-site-packages .venv
+	$(PYTHON) -c 'import numpy; print(f"numpy=={numpy.__version__}")' > .venv/numpy.txt
+	quietly "Python packages" $(PIP) setuptools
+	quietly "Python packages" $(PIP) --no-build-isolation -e .
+	dolfinx=$$($(BIN)/python -c 'from importlib.metadata import version; print(version("fenics-dolfinx"))')
+	case $$dolfinx in 0.5.* | 0.9.*) ;; *) echo "dolfinx $$dolfinx is untried, known are 0.5 and 0.9" >&2 ;; esac
+	touch $@
 
-.venv/.stamp-network: .venv/.stamp-base
-	$(PIP) install -c constraints.txt --no-build-isolation -e '.[surrogate]'
-	@touch $@
+$(BUILT)-network: $(BUILT)
+	@$(FUNCTIONS)
+	with_torch surrogate
+	touch $@
 
-.venv/.stamp-test: .venv/.stamp-base
-	$(PIP) install -c constraints.txt --no-build-isolation -e '.[surrogate,dev]'
-	@touch $@
+$(BUILT)-test: $(BUILT)
+	@$(FUNCTIONS)
+	with_torch surrogate,dev
+	touch $@

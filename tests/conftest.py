@@ -16,7 +16,7 @@ from found import Figures, Found
 
 LIMIT_S = 120.0
 SLOW_LIMIT_S = 300.0
-LAUNCHER_VARIABLES = ("OMPI_COMM_WORLD_", "OMPI_UNIVERSE_", "ORTE_", "PMIX_", "PMI_")
+LAUNCHER_VARIABLES = ("OMPI_COMM_WORLD_", "OMPI_UNIVERSE_", "ORTE_", "PRTE_", "PMIX_", "PMI_")
 
 UNDER_MPIRUN = any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"))
 if UNDER_MPIRUN:
@@ -116,18 +116,24 @@ def shared_tmp_path(request: pytest.FixtureRequest) -> Path:
     return Path(WORLD.bcast(own, root=0))
 
 
-@pytest.fixture(scope="session")
-def mpirun() -> Mpirun:
-    """A launcher for tests that themselves run on one rank: gives the finished process with its output."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER_VARIABLES)}
-    environment |= {
+def launcher_environment() -> dict[str, str]:
+    """For an mpirun started here: as root, on fewer cores than ranks, one thread each; Open MPI 4 and 5."""
+    return {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER_VARIABLES)} | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "OMPI_MCA_hwloc_base_binding_policy": "none",
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "PRTE_MCA_hwloc_default_binding_policy": "none",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
         "OMP_NUM_THREADS": "1",
         "NUMBA_NUM_THREADS": "1",
     }
+
+
+@pytest.fixture(scope="session")
+def mpirun() -> Mpirun:
+    """A launcher for tests that themselves run on one rank: gives the finished process with its output."""
+    environment = launcher_environment()
 
     def launch(
         ranks: int, *arguments: str | Path, timeout: float = 60.0, cwd: Path | None = None

@@ -1,6 +1,6 @@
 """The only file that speaks to dolfinx, basix and PETSc: what differs between their versions stays here.
 
-Written for dolfinx 0.5.2 (Debian 12).
+Tried with dolfinx 0.5.2 (Debian 12) and 0.9 (Debian 13); 0.10 and 0.11 by reading their sources.
 """
 
 from __future__ import annotations
@@ -81,9 +81,7 @@ class Discretisation:
 
 def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[float, float]) -> Discretisation:
     """Assemble ``form(u, v, x, constants)`` on the mesh; every rank holds the whole body it calls this for."""
-    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.triangle, 1))
-    grid = mesh.create_mesh(MPI.COMM_SELF, data.triangles, data.points, domain)
-    space = _compiling(lambda: fem.VectorFunctionSpace(grid, ("Lagrange", order)))
+    grid, space = _mesh_and_space(data, order)
     values = [fem.Constant(grid, PETSc.ScalarType(value)) for value in constants]
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     weak = form(u, v, ufl.SpatialCoordinate(grid), values)
@@ -94,9 +92,10 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
     matrix.destroy()
 
     count = grid.topology.index_map(2).size_local
-    cells = space.dofmap.list.array.reshape(count, -1).astype(np.int64)
-    vertices = grid.geometry.dofmap.array.reshape(count, -1)
-    original = np.asarray(grid.geometry.input_global_indices, dtype=np.int64)[vertices]
+    cells = _rows(space.dofmap.list, count).astype(np.int64)
+    geometry = grid.geometry
+    vertices = _rows(geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap, count)
+    original = np.asarray(geometry.input_global_indices, dtype=np.int64)[vertices]
     return Discretisation(
         order,
         np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2]),
@@ -104,6 +103,22 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
         _locate_edges(original, data.edges, len(data.points)),
         sp.csr_matrix((entries, indices, indptr), shape=size),
     )
+
+
+def _mesh_and_space(data: MeshData, order: int) -> tuple[Any, Any]:
+    """The mesh and the vectors on it. From 0.7 basix makes the elements; 0.10 swaps create_mesh's last arguments."""
+    if hasattr(fem, "functionspace"):
+        vertices = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+        grid = mesh.create_mesh(MPI.COMM_SELF, cells=data.triangles, x=data.points, e=ufl.Mesh(vertices))
+        return grid, _compiling(lambda: fem.functionspace(grid, ("Lagrange", order, (2,))))
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.triangle, 1))
+    grid = mesh.create_mesh(MPI.COMM_SELF, cells=data.triangles, x=data.points, domain=domain)
+    return grid, _compiling(lambda: fem.VectorFunctionSpace(grid, ("Lagrange", order)))
+
+
+def _rows(dofmap: Any, count: int) -> Any:
+    """A map of cells as an array, one row each; dolfinx 0.5 gives it as an adjacency list."""
+    return getattr(dofmap, "array", dofmap).reshape(count, -1)
 
 
 def _compiling(build: Callable[[], Any]) -> Any:

@@ -1,4 +1,4 @@
-"""Sparse Cholesky factor of a plate's stiffness by CHOLMOD 3.0, and the dense compliance of its contact candidates.
+"""Sparse Cholesky factor of a plate's stiffness by CHOLMOD, and the dense compliance of its contact candidates.
 
 With the unknowns in the order [interior, candidates] the factor of the stiffness, P K P^T = L L^T, ends in the
 factor L_cc of the candidates' Schur complement, and their compliance needs no solve:
@@ -6,8 +6,8 @@ factor L_cc of the candidates' Schur complement, and their compliance needs no s
     K_cc - K_ci K_ii^-1 K_ic = L_cc L_cc^T,        C = (K^-1)_cc = L_cc^-T L_cc^-1
 
 The interior is ordered by METIS on the graph of the nodes, whose unknowns stay together. One factor is for one thread
-at a time. The library is Debian's libcholmod3; the records are those of its header cholmod_core.h (3.0.14), so that
-this module is longer than its purpose.
+at a time. The library is Debian's libcholmod3 or libcholmod5; the records are those of its headers (3.0.14; they fit
+5.3.1 unchanged), so that this module is longer than its purpose.
 
 Reference: Y. Chen, T. A. Davis, W. W. Hager, S. Rajamanickam, "Algorithm 887: CHOLMOD, supernodal sparse Cholesky
 factorization and update/downdate", ACM Trans. Math. Software 35(3), 22 (2008).
@@ -35,8 +35,9 @@ from ..errors import MesoError, PackingError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer[Any]]
 
-SONAME = "libcholmod.so.3"
-REMEDY = "install Debian's package libcholmod3"
+SONAMES = {"libcholmod.so.3": (3, 0), "libcholmod.so.5": (5, 3)}
+"""The libraries of Debian 12 and 13, and the versions whose records are known."""
+REMEDY = "install Debian's package libcholmod3 (Debian 12) or libcholmod5 (Debian 13)"
 
 SINGULAR = 1e-10
 """A pivot L_jj^2 at or below this part of K_jj is rounding. Of the six null pivots of a free piece of lattice the three
@@ -151,13 +152,21 @@ def _defaults_in_place(common: _Common) -> bool:
     )
 
 
+def _first_library() -> tuple[str, ctypes.CDLL]:
+    """The first of `SONAMES` that this machine has."""
+    missing = []
+    for name in SONAMES:
+        try:
+            return name, ctypes.CDLL(name)
+        except OSError as error:
+            missing.append(str(error))
+    raise MesoError(f"the plates need CHOLMOD: {REMEDY} ({'; '.join(missing)})")
+
+
 @functools.cache
 def _library() -> ctypes.CDLL:
     """Load the library, declare its functions, and check that its records are those above."""
-    try:
-        library = ctypes.CDLL(SONAME)
-    except OSError as error:
-        raise MesoError(f"the plates need CHOLMOD: {REMEDY} ({error})") from error
+    soname, library = _first_library()
     common, A, B, L = POINTER(_Common), POINTER(_Sparse), POINTER(_Dense), POINTER(_Factor)
     signatures: dict[str, tuple[Any, ...]] = {  # result, arguments
         "version": (c_int, POINTER(c_int)),
@@ -177,9 +186,9 @@ def _library() -> ctypes.CDLL:
     version, probe = (c_int * 3)(), _Common()
     library.cholmod_version(version)
     library.cholmod_start(byref(probe))
-    if tuple(version)[:2] != (3, 0) or not _defaults_in_place(probe):
+    if tuple(version)[:2] != SONAMES[soname] or not _defaults_in_place(probe):
         found = ".".join(map(str, version))
-        raise MesoError(f"{SONAME} is CHOLMOD {found}, and its records are not those of 3.0.14: {REMEDY}")
+        raise MesoError(f"{soname} is CHOLMOD {found}, and its records are not known: {REMEDY}")
     library.cholmod_finish(byref(probe))
     return library
 

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import LAUNCHER_VARIABLES, Mpirun
+from conftest import Mpirun, launcher_environment
 
 from surrogate.data.database import read
 
@@ -48,13 +48,11 @@ def test_a_mistake_is_said_once(tmp_path, mpirun: Mpirun):
 def test_killed_and_gone_on_with(alone, tmp_path, mpirun: Mpirun):
     """mpirun itself is killed, with kill -9, as a batch system does; its ranks must not go on without it."""
     path, delays = tmp_path / "a.h5", random.Random(3)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHER_VARIABLES)}
-    environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    environment |= {"OMPI_MCA_hwloc_base_binding_policy": "none", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
     journal = path.with_name("a.h5.journal")
     job = subprocess.Popen(
         ["mpirun", "-n", "3", sys.executable, *COMMAND, "-o", str(path)],
-        cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        cwd=ROOT, env=launcher_environment(),
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     while not (journal.exists() and len(read(path).samples)):
         assert job.poll() is None
