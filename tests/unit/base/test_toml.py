@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from macrofit.base.toml import TomlError, dump_toml, join_key, parse_toml, set_key, split_override, unknown_key
@@ -40,6 +40,7 @@ def in_toml_order(table: dict[str, Any]) -> Any:
     return sorted(table)
 
 
+@settings(deadline=None)
 @given(tables)
 def test_what_is_written_is_read_back(table: dict[str, Any]) -> None:
     back = parse_toml(dump_toml(table), "test")
@@ -55,6 +56,7 @@ def same_but_for_order(a: Any, b: Any) -> bool:
     return same(a, b)
 
 
+@settings(deadline=None)
 @given(st.lists(texts, min_size=1, max_size=4), scalars)
 def test_an_override_reaches_any_key(path: list[str], value: Any) -> None:
     """Keys that need quotes included."""
