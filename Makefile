@@ -28,7 +28,7 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system demo test bench lint clean
+.PHONY: help setup setup-network setup-test system demo test bench bench-check measures lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -44,13 +44,23 @@ demo: setup-network ## press the built-in wheelset, on uniform and on rough fric
 	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo
 	@echo "The figures are:" && ls -1 demo/*.png demo/runs/*/*.png
 
-test: setup-test ## serial tests, then the MPI ones on two ranks
-	$(BIN)/python -m pytest --durations=10
+# Files of tests are dealt out to as many processes as there are cores; PROCESSES=0 runs them in one.
+PROCESSES := auto --maxprocesses 8
+PYTEST := $(BIN)/python -m pytest -n $(PROCESSES)
+
+test: setup-test ## the tests, a process for each core, then the MPI ones on two ranks
+	$(PYTEST) --dist loadfile --durations=10
 	timeout 600 mpirun -n 2 $(BIN)/python -m pytest -m mpi tests
 
 NAMES :=
 bench: setup-test ## measure everything anew (an hour) and write docs/benchmarks.md; NAMES="cost sweep" for some
 	$(BIN)/python -m tests.benchmarks book $(NAMES)
+
+bench-check: setup-test ## every benchmark in its toy size, to see that it runs
+	$(PYTEST) --dist worksteal tests/benchmarks/test_quick.py
+
+measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
+	$(BIN)/python -m tests.code_measures --places
 
 lint: setup-test ## style, types and who imports whom
 	$(BIN)/ruff check
