@@ -43,7 +43,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench lint clean
+.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench bench-check measures lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -61,9 +61,13 @@ demo: setup-network ## press the built-in wheelset, on uniform and on rough fric
 	echo "The figures are:"
 	ls -1 demo/*.png demo/runs/*/*.png
 
+# Files of tests are dealt out to as many processes as there are cores; PROCESSES=0 runs them in one.
 TESTS := tests
-test: setup-test ## serial tests, then the MPI ones on two ranks; TESTS="tests/unit tests/mpi" for some
-	$(BIN)/python -m pytest --durations=10 $(TESTS)
+PROCESSES := auto --maxprocesses 8
+PYTEST := $(BIN)/python -m pytest -n $(PROCESSES)
+
+test: setup-test ## the tests, a process for each core, then the MPI ones on two ranks; TESTS="tests/unit" for some
+	$(PYTEST) --dist loadfile --durations=10 $(TESTS)
 	timeout 600 mpirun -n 2 $(BIN)/python -m pytest -m mpi $(TESTS)
 
 SUITE :=
@@ -73,6 +77,12 @@ fresh: ## the same from empty, in Debian 12 and 13 made for it (as root); SUITE=
 NAMES :=
 bench: setup-test ## measure everything anew (an hour) and write docs/benchmarks.md; NAMES="cost sweep" for some
 	$(BIN)/python -m tests.benchmarks book $(NAMES)
+
+bench-check: setup-test ## every benchmark in its toy size, to see that it runs
+	$(PYTEST) --dist worksteal tests/benchmarks/test_quick.py
+
+measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
+	$(BIN)/python -m tests.code_measures --places
 
 lint: setup-test ## style, types and who imports whom
 	$(BIN)/ruff check

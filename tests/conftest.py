@@ -1,4 +1,8 @@
-"""The same tests on one rank and under mpirun: a failure on any rank ends the job, nothing waits for ever."""
+"""The same tests on one rank, on several processes (pytest -n) and under mpirun; nothing waits for ever.
+
+Under mpirun a failure on any rank ends the job. Under `-n` a test that hangs ends its process alone, with its
+traceback: it counts as failed, and the others go on.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,7 @@ class Mpirun(Protocol):
     ) -> subprocess.CompletedProcess[str]: ...
 
 
-FIGURES = pytest.StashKey[Figures]()
+FIGURES = Figures()  # of all processes; kept in the one that starts the others
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -48,13 +52,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """Keep a copy of the real stderr: during a test pytest has another file in its place."""
     global _stderr
     _stderr = os.fdopen(os.dup(2), "w")
-    config.stash[FIGURES] = Figures()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     target = session.config.getoption("--figures")
-    if target is not None and (WORLD is None or WORLD.rank == 0):
-        session.config.stash[FIGURES].write(target)
+    is_first = not hasattr(session.config, "workerinput") and (WORLD is None or WORLD.rank == 0)
+    if target is not None and is_first:
+        FIGURES.write(target)
 
 
 def _abort(text: str) -> None:
@@ -69,6 +73,9 @@ def _with_output(report: pytest.TestReport | pytest.CollectReport) -> str:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """What a test found has come with its report, from whatever process it ran in."""
+    if report.when == "teardown":
+        FIGURES.take(report.user_properties)
     if WORLD is not None and report.failed:
         _abort(_with_output(report))
 
@@ -104,7 +111,7 @@ def pytest_runtest_teardown() -> Iterator[None]:
 @pytest.fixture
 def found(request: pytest.FixtureRequest) -> Found:
     """Records a value with its bar: `assert found("Hertz, contact radius", error, 0.01)`."""
-    return request.config.stash[FIGURES].of(request.node.nodeid)
+    return Found(request.node.nodeid, request.node.user_properties)
 
 
 @pytest.fixture

@@ -8,8 +8,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+PROPERTY = "figure"
 
 
 class Figure(NamedTuple):
@@ -23,14 +26,14 @@ class Figure(NamedTuple):
 
 
 class Figures:
-    """All of a session, in the order of the tests."""
+    """All of a session, in the order in which the tests ended."""
 
     def __init__(self) -> None:
         self.all: list[Figure] = []
 
-    def of(self, test: str) -> Found:
-        """The fixture of one test."""
-        return Found(self, test)
+    def take(self, properties: Sequence[tuple[str, object]]) -> None:
+        """Keep the figures among the properties of a test."""
+        self.all += [Figure(*value) for name, value in properties if name == PROPERTY and isinstance(value, Sequence)]
 
     def write(self, target: Path) -> None:
         """As a JSON list of objects."""
@@ -38,13 +41,13 @@ class Figures:
 
 
 class Found:
-    """Records what a test found."""
+    """Records what a test found among its properties, which travel with its report."""
 
-    def __init__(self, figures: Figures, test: str) -> None:
-        self._figures, self._test = figures, test
+    def __init__(self, test: str, properties: list[tuple[str, object]]) -> None:
+        self._test, self._properties = test, properties
 
     def __call__(self, what: str, value: float, bar: float, *, at_least: bool = False) -> bool:
         """Record a value; whether it keeps its bar: at most ``bar``, or at least."""
         figure = Figure(what, float(value), float(bar), at_least, self._test)
-        self._figures.all.append(figure)
+        self._properties.append((PROPERTY, tuple(figure)))
         return figure.value >= figure.bar if at_least else figure.value <= figure.bar

@@ -32,7 +32,7 @@ MARK = re.compile(r"(<!-- bench (\w+)(?: (\d+))? -->\n).*?(<!-- end -->)", re.DO
 
 def names() -> list[str]:
     """Names of the benchmarks, in the order of the book: the press-fit, the plates, the network, the whole."""
-    found = sorted(path.stem for path in HERE.glob("*.py") if not path.stem.startswith("_"))
+    found = sorted(path.stem for path in HERE.glob("*.py") if not path.stem.startswith(("_", "test_")))
     return sorted(found, key=lambda name: (name.startswith("surrogate_"), name.startswith("meso_")))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.startup import imports
 from benchmarks.verification import worst
-from found import Figures
+from found import Figures, Found
 from unit.test_imports import loaded_by, run_help
 
 ORDER = """
@@ -73,13 +73,14 @@ def test_imports_are_summed_by_package() -> None:
 
 
 def test_found_keeps_what_it_was_told(tmp_path: Path) -> None:
-    figures = Figures()
-    found = figures.of("tests/test_a.py::test_b[1]")
+    figures, properties = Figures(), [("another", 3)]
+    found = Found("tests/test_a.py::test_b[1]", properties)
     assert found("error", 0.5, 1.0)
     assert not found("error", 2.0, 1.0)
     assert not found("error", float("nan"), 1.0)
     assert found("rate", 2.0, 1.9, at_least=True)
     assert not found("rate", 1.5, 1.9, at_least=True)
+    figures.take(properties)
     figures.write(tmp_path / "figures.json")
     written = json.loads((tmp_path / "figures.json").read_text())
     assert written[1] == {
