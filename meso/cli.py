@@ -125,7 +125,14 @@ def surface(
     click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
     click.echo(f"Roughness       {roughness_line(face)}")
     for target in targets:
-        write_surface(target, face, resolved.plates.thickness, f"Rough face of the {body}")
+        if target.suffix.lower() == ".png":
+            from macrofit.base.figure import save
+
+            from .figures.plates import surface as surface_map
+
+            save(surface_map(face, f"Rough face of the {body}"), target)
+        else:
+            write_surface(target, face, resolved.plates.thickness)
         click.echo(f"File            {target}")
 
 

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .calibrate import beams_for
 from .errors import PackingError
+from .lattice.calibration import beams_for
 from .lattice.candidates import Encounters, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
 from .material import Beams

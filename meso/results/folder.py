@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 SETTINGS, SUMMARY, CURVE, SQUEEZE, DATA = "settings.toml", "summary.json", "curve.csv", "squeeze.csv", "run.h5"
 FIGURES = ("surfaces.png", "plates.png", "forces.png")
+FIGURE = ".png"
 MARK = "# Settings of a run of macrofit-meso, every default written out. mm, N, MPa, t, s.\n"
 HEADER = "displacement_mm,normal_force_N,tangential_force_N,friction"
 SQUEEZE_HEADER = "approach_mm,normal_force_N,tangential_force_N,friction"
@@ -168,26 +169,26 @@ def write_spheres(path: Path, plates: Plates) -> Path:
 
 
 def check_surface_file(path: Path) -> None:
-    """Raise OutputError where `write_surface` has no format for the suffix."""
-    known = (".png", ".npy", ".csv", *FORMATS)
+    """Refuse a suffix in which no surface is written; `.png` is the figure's.
+
+    Raises:
+        OutputError: the suffix is another.
+    """
+    known = (FIGURE, ".npy", ".csv", *FORMATS)
     if path.suffix.lower() not in known:
         raise OutputError(f"{path}: a surface is written as {', '.join(known)}, not as {path.suffix or 'a bare name'}")
 
 
-def write_surface(path: Path, surface: Surface, thickness: float, title: str) -> Path:
-    """A surface in the form its suffix names: figure (.png), heights [mm] (.npy, .csv), or the hull of its plate.
+def write_surface(path: Path, surface: Surface, thickness: float) -> Path:
+    """A surface in the form its suffix names: heights [mm] (.npy, .csv), or the hull of its plate.
 
     Raises:
         OutputError: another suffix, or a file that cannot be written.
     """
     check_surface_file(path)
     suffix = path.suffix.lower()
-    if suffix == ".png":
-        from macrofit.base.figure import save
-
-        from ..figures.plates import surface as drawn
-
-        return save(drawn(surface, title), path)
+    if suffix == FIGURE:
+        raise OutputError(f"{path}: figures are drawn by meso.figures, not written with the data")
     with replacing(path) as draft:
         if suffix == ".npy":
             np.save(draft, surface.heights)

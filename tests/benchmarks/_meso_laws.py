@@ -12,10 +12,11 @@ import numpy as np
 
 from macrofit.base.arrays import FloatArray
 from meso.engines import quasistatic
-from meso.engines.explicit import Explicit, critical_time_step
+from meso.engines.explicit import Explicit
 from meso.engines.fracture import Breaking
 from meso.engines.linear import Linear
 from meso.engines.quasistatic import QuasiStatic
+from meso.engines.time_step import critical_time_step
 from meso.errors import MesoError
 from meso.lattice.lattice import Lattice, build
 from meso.material import Material
@@ -86,7 +87,7 @@ def million(rng: Rng, steps: int = 1_000_000) -> Iterator[Case]:
 
 def load_beams() -> Any:
     """The beams of steel."""
-    from meso.calibrate import steel
+    from meso.lattice.calibration import steel
 
     return steel()
 

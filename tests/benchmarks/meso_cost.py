@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from meso import kernels
-from meso.calibrate import steel
-from meso.engines.explicit import critical_time_step
+from meso.engines.time_step import critical_time_step
 from meso.friction_test import run
+from meso.lattice.calibration import steel
 from meso.lattice.lattice import Lattice, build
 from meso.material import Material
 from meso.packing.cache import flat_packing

@@ -11,9 +11,9 @@ from scipy.sparse.linalg import spsolve
 
 from macrofit.base.arrays import FloatArray, IntArray
 from meso import kernels
-from meso.engines.explicit import critical_time_step
 from meso.engines.fracture import SHEAR, TENSION, Account, Breaking
 from meso.engines.tension import Pulled, ends, first_break, pull, without
+from meso.engines.time_step import critical_time_step
 from meso.lattice.candidates import Encounters, Faces
 from meso.lattice.lattice import Lattice, build, join, turned_over
 from meso.material import Beams, Material

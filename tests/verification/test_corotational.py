@@ -7,8 +7,8 @@ import pytest
 
 from macrofit.base.arrays import FloatArray
 from meso import kernels
-from meso.engines.explicit import critical_time_step
 from meso.engines.fracture import Breaking
+from meso.engines.time_step import critical_time_step
 from meso.lattice.lattice import Lattice, build
 from meso.material import Beams, Material
 from meso.packing.pack import pack

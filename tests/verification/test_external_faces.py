@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from found import Found
 
-from meso.calibrate import sample, steel
+from meso.calibrate import sample
+from meso.lattice.calibration import steel
 from meso.lattice.cholmod import factor
 from meso.lattice.lattice import BACK, Lattice, build
 from meso.material import ExternalFace, ExternalModulus, Material

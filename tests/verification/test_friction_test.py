@@ -9,8 +9,9 @@ import pytest
 from found import Found
 
 from meso import kernels
-from meso.engines.explicit import Explicit, critical_time_step
+from meso.engines.explicit import Explicit
 from meso.engines.quasistatic import QuasiStatic
+from meso.engines.time_step import critical_time_step
 from meso.errors import StabilityError
 from meso.friction_test import engine_name, run
 from meso.lattice.candidates import Faces

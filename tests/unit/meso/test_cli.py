@@ -363,7 +363,7 @@ def test_a_sample_is_told_and_written(place):
 
 def test_a_calibration_is_written_with_its_figures(place, monkeypatch):
     from meso import cli
-    from meso.calibrate import read_calibration
+    from meso.lattice.calibration import read_calibration
 
     monkeypatch.setattr(cli, "RADIUS_RATIOS", (0.3, 0.5))
     monkeypatch.setattr(cli, "MODULI", (1.0, 2.0))

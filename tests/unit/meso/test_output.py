@@ -213,14 +213,14 @@ def tilted() -> Surface:
 
 @pytest.mark.parametrize("suffix", [".npy", ".csv"])
 def test_heights_are_read_back(tilted, tmp_path, suffix):
-    path = output.write_surface(tmp_path / f"face{suffix}", tilted, 0.3, "")
+    path = output.write_surface(tmp_path / f"face{suffix}", tilted, 0.3)
     read = np.load(path) if suffix == ".npy" else np.loadtxt(path, delimiter=",")
     np.testing.assert_array_equal(read, tilted.heights)
 
 
 def test_a_hull_is_closed_and_has_the_volume_of_the_plate(tilted, tmp_path):
     meshio = pytest.importorskip("meshio")
-    mesh = meshio.read(output.write_surface(tmp_path / "face.vtk", tilted, 0.3, ""))
+    mesh = meshio.read(output.write_surface(tmp_path / "face.vtk", tilted, 0.3))
     a, b, c = np.moveaxis(mesh.points[mesh.cells_dict["triangle"]], 1, 0)
     volume = np.sum(a * np.cross(b, c)) / 6.0
     assert volume == pytest.approx(1.5 * (0.3 + tilted.heights.mean()), rel=1e-6)  # a tilted plane
@@ -228,7 +228,7 @@ def test_a_hull_is_closed_and_has_the_volume_of_the_plate(tilted, tmp_path):
 
 def test_a_surface_of_another_kind_of_file_is_refused(tilted, tmp_path):
     with pytest.raises(OutputError, match=r"is written as \.png, \.npy, \.csv, \.stl"):
-        output.write_surface(tmp_path / "face.jpg", tilted, 0.3, "")
+        output.write_surface(tmp_path / "face.jpg", tilted, 0.3)
     assert not list(tmp_path.iterdir())
 
 
