@@ -2,6 +2,7 @@
 
 from .keys import Disc, Drawn, Hub, Scene, Shaft
 from .load import build_scene, dump_scene, json_schema, load_scene, scene_names
+from .script import with_script_friction
 
 __all__ = [
     "Disc",
@@ -14,4 +15,5 @@ __all__ = [
     "json_schema",
     "load_scene",
     "scene_names",
+    "with_script_friction",
 ]
