@@ -17,7 +17,6 @@ from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
 from ..friction import GivenFriction, ScriptFriction, load_options
 from ..monitor import Silent
 from ..scene import Scene, load_scene, with_script_friction
-from ..scene.load import PROVIDER
 from ..solve import solve
 from .measured import Measured, check_scale, comparable
 
@@ -198,7 +197,7 @@ def identify(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     script = None if friction is None else ScriptFriction(friction)
-    common = [*([] if script is None else [f"{PROVIDER}={script.name}"]), *overrides]
+    common = [*([] if script is None else [f"friction.provider={script.name}"]), *overrides]
     scene = load_scene(source, common)
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
     start, bounds = _start(scene, key, bounds, script)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ..errors import SceneError
 from .keys import Disc, Hub, MeshFile, Scene, Shaft
@@ -14,12 +13,6 @@ def _need(condition: bool, message: str) -> None:
         raise SceneError(message)
 
 
-def _positive(table: str, struct: Any, *keys: str) -> None:
-    for key in keys:
-        value = getattr(struct, key)
-        _need(value is None or value > 0.0, f"{table}.{key}: {value} must be positive")
-
-
 def check_scene(scene: Scene) -> None:
     """Check what no key says alone, see `keys` for the rest.
 
@@ -28,10 +21,6 @@ def check_scene(scene: Scene) -> None:
     """
     _check_motion(scene)
     for table, body in (("axle", scene.axle), ("wheel", scene.wheel)):
-        material = body.material
-        _positive(f"{table}.material", material, "youngs_modulus")
-        nu = material.poisson_ratio
-        _need(-1.0 < nu < 0.5, f"{table}.material.poisson_ratio: {nu} must lie between -1 and 0.5 (exclusive)")
         if isinstance(body, Disc):
             _check_disc(table, body)
     if isinstance(scene.axle, Shaft):

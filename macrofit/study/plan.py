@@ -20,7 +20,6 @@ from ..errors import MacrofitError, SceneError
 from ..friction import BuildContext, GivenFriction, ScriptFriction, build_provider
 from ..results.journal import VERSION, file_digests
 from ..scene import Scene, load_scene, with_script_friction
-from ..scene.load import PROVIDER
 
 MOST_RUNS = 100_000
 EXAMPLE = "for example friction.options.micro_friction=0.01,0.03 or friction.options.seed=1:200"
@@ -85,7 +84,7 @@ def plan_study(
     script = None if friction is None else ScriptFriction(friction)
     varied = [parse_vary(text) for text in vary]
     keys = _varied_keys(varied)
-    common = [*([] if script is None else [f"{PROVIDER}={script.name}"]), *overrides]
+    common = [*([] if script is None else [f"friction.provider={script.name}"]), *overrides]
     planned = [reference_overrides(text) for text in references]
     runs: list[PlannedRun] = []
     for label, own in planned:
