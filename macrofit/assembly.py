@@ -13,7 +13,7 @@ from .bodies.body import Body, CondensedBody, compile_form
 from .contact.condensed import Condensed
 from .contact.seat import Seat
 from .errors import SceneError
-from .friction import BuildContext, FrictionField, build
+from .friction import BuildContext, FrictionField, ScriptFriction, build_provider
 from .parallel import SharedAsk, owner
 from .press import TILE, Engine, tiles
 from .scene.keys import Scene
@@ -106,8 +106,14 @@ def condense_bodies(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body]) -> tu
     return Seat(axle.line, scene.contact), axle, wheel
 
 
-def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBody) -> FrictionField:
-    """The scene's provider, asked through all ranks. Raises ProviderError."""
+def friction_field(
+    scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBody, script: ScriptFriction | None = None
+) -> FrictionField:
+    """The scene's provider, or a script's in place of it, asked through all ranks. Collective.
+
+    Raises:
+        ProviderError: it cannot be built, or breaks the contract.
+    """
     material, folder = scene.axle.material, cache_folder()
     context = BuildContext(
         seat_tiles=tiles(seat.line.coordinate),
@@ -118,10 +124,12 @@ def friction_field(scene: Scene, comm: MPI.Comm, seat: Seat, wheel: CondensedBod
         poisson_ratio=material.poisson_ratio,
         cache_dir=None if folder is None else str(folder),
     )
-    name = scene.friction.provider
+    name, options = scene.friction.provider, scene.friction.options
     with raise_together(comm):
-        provider = build(name, scene.friction.options, context)
-    return FrictionField(provider, name, SharedAsk(comm, name))
+        provider = build_provider(name, options, context) if script is None else script.build(options, context)
+    stated = script is not None and script.digest is not None
+    fingerprint = script.fingerprint(options) if script is not None and stated else ""
+    return FrictionField(provider, name, SharedAsk(comm, name), fingerprint=fingerprint)
 
 
 def engine_of(scene: Scene, seat: Seat, axle: CondensedBody, wheel: CondensedBody, bodies: dict[str, Body]) -> Engine:

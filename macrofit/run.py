@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from .base.ranks import raise_together
 from .errors import MacrofitError
+from .friction import GivenFriction, ScriptFriction
 from .monitor import Monitor, Several, Silent, on_screen
 from .results.folder import (
     JOURNAL,
@@ -23,16 +24,32 @@ from .results.folder import (
 )
 from .results.journal import Journal, is_journal
 from .results.summary import seat_ends, sentences, summary
-from .scene import Scene
+from .scene import Scene, with_script_friction
 from .solution import Solution
 from .solve import solve
 
 
-def carry_out(scene: Scene, comm: MPI.Comm, folder: Path, *, resume: bool, quiet: bool) -> list[str]:
+def carry_out(
+    scene: Scene,
+    comm: MPI.Comm,
+    folder: Path,
+    *,
+    resume: bool,
+    quiet: bool,
+    friction: GivenFriction | None = None,
+) -> list[str]:
     """Solve the scene, write its results into ``folder``, and give the closing words (rank 0). Collective.
 
-    Only rank 0 writes. Raises MacrofitError on all ranks together.
+    Only rank 0 writes. ``friction`` is an object in place of the scene's [friction], see `solve`; it must state a
+    ``digest``, for the folder keeps a journal.
+
+    Raises:
+        MacrofitError: on all ranks together; what was accepted stays in the folder.
     """
+    if friction is not None:
+        script = ScriptFriction(friction)
+        script.required_digest()
+        scene = with_script_friction(scene, script)
     curve: CurveFile | None = None
     with raise_together(comm):
         if comm.rank == 0:
@@ -42,7 +59,7 @@ def carry_out(scene: Scene, comm: MPI.Comm, folder: Path, *, resume: bool, quiet
     monitor: Monitor = Silent() if curve is None else Several(on_screen(quiet=quiet), curve)
     with journal:
         try:
-            solution = solve(scene, comm, monitor, journal)
+            solution = solve(scene, comm, monitor, journal, friction=friction)
         except BaseException:
             if curve is not None:
                 save_accepted(folder, scene, curve, monitor)

@@ -9,12 +9,13 @@ from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
 from .base.ranks import raise_together
+from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
 from .press import Press, State
-from .scene import Scene
+from .scene import Scene, with_script_friction
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
-from .stress import evaluate_stresses
+from .stress import Stresses, evaluate_stresses
 
 
 def solve(
@@ -23,27 +24,42 @@ def solve(
     monitor: Monitor | None = None,
     journal: Journal | None = None,
     assembly: Assembly | None = None,
+    *,
+    friction: GivenFriction | None = None,
 ) -> Solution:
-    """Press the wheel of a scene onto its axle. Collective over ``comm`` (default: all ranks).
+    """Press the wheel of a scene onto its axle. Collective.
 
     1. each body is meshed, assembled, factored and condensed on its contact line, on a rank of its own;
     2. every rank steps through the same small interface problems, increment by increment;
     3. the stresses follow from the accepted interface loads, in batches, where the bodies are.
 
-    ``monitor`` is told of every accepted increment; ``journal`` (rank 0) keeps them and gives back those of an
-    interrupted run. An ``assembly`` of the same bodies on the same ranks (see `assemble`) takes the place of step 1:
-    scenes that differ in friction, motion and output alone share it, with the same bits.
-    Raises SceneError, MeshError, ProviderError or ConvergenceError, on all ranks together.
+    Args:
+        scene: what is pressed, how, and what is asked for.
+        comm: the ranks that share the work; all by default.
+        monitor: told of every accepted increment.
+        journal: keeps the increments (rank 0) and gives back those of an interrupted run.
+        assembly: of the same bodies on the same ranks (see `assemble`), in place of step 1: scenes that differ in
+            friction, motion and output alone share it, with the same bits.
+        friction: an object in place of the scene's [friction]: a provider, options with `build(context)`, or what
+            makes one of them. It is checked and shared among the ranks as an installed one is. The solution's scene
+            names it. With a journal it must state a `digest`, see `ScriptFriction`.
+
+    Raises:
+        SceneError: the assembly is of other bodies or ranks.
+        MeshError: a body cannot be meshed, supported or held in memory.
+        ProviderError: friction cannot be had, or is another than the journal's.
+        ConvergenceError: no cutback helps. Every error is raised on all ranks together.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = Silent() if monitor is None else monitor
+    scene, script = _with_friction(scene, friction, journal, comm)
     clock = [time.process_time()]
 
     factored = 0 if assembly is None else assembly.factorisations
     assembly = assemble(scene, comm) if assembly is None else assembly.checked(scene, comm)
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
-    friction = friction_field(scene, comm, seat, wheel)
-    press, engaged = Press(scene, seat, wheel.line, engine, friction), engine.factorisations
+    field = friction_field(scene, comm, seat, wheel, script)
+    press, engaged = Press(scene, seat, wheel.line, engine, field), engine.factorisations
     clock.append(time.process_time())
 
     monitor.started(scene, len(scene.displacements), assembly.dofs)
@@ -54,10 +70,50 @@ def solve(
     clock.append(time.process_time())
     monitor.finished()
 
+    counters = {
+        "factorisations": assembly.factorisations - factored + stresses.factorisations,
+        "interface_factorisations": engine.factorisations - engaged,
+        **_counters(increments, stresses, field),
+        **summed(comm, field.counters),
+    }
+    return _solution(press, assembly, increments, stresses, clock, counters)
+
+
+def _with_friction(
+    scene: Scene, friction: GivenFriction | None, journal: Journal | None, comm: MPI.Comm
+) -> tuple[Scene, ScriptFriction | None]:
+    """The scene, naming the object that a script gives as friction, and that object."""
+    if friction is None:
+        return scene, None
+    script = ScriptFriction(friction)
+    with raise_together(comm):
+        if journal is not None:
+            script.required_digest()
+    return with_script_friction(scene, script), script
+
+
+def _counters(increments: list[Increment], stresses: Stresses, field: FrictionField) -> dict[str, int]:
+    return {
+        "newton_iterations": sum(record.newton_iterations for record in increments),
+        "right_hand_sides": stresses.back_substitutions,  # condensing takes none, a Schur complement instead
+        "back_substitutions": stresses.back_substitutions,
+        "provider_calls": field.calls,
+        "pairs_asked": field.pairs_asked,
+    }
+
+
+def _solution(
+    press: Press,
+    assembly: Assembly,
+    increments: list[Increment],
+    stresses: Stresses,
+    clock: list[float],
+    counters: dict[str, int],
+) -> Solution:
     setup, stepping, stress = np.diff(clock).tolist()
     return Solution(
-        scene=scene,
-        seat=seat.line.coordinate,
+        scene=press.scene,
+        seat=press.seat.line.coordinate,
         increments=tuple(increments),
         max_von_mises=stresses.extremes,
         fields=stresses.fields,
@@ -67,16 +123,7 @@ def solve(
         setup_cpu_s=setup,
         increments_cpu_s=stepping,
         stress_cpu_s=stress,
-        counters={
-            "factorisations": assembly.factorisations - factored + stresses.factorisations,
-            "interface_factorisations": engine.factorisations - engaged,
-            "newton_iterations": sum(record.newton_iterations for record in increments),
-            "right_hand_sides": stresses.back_substitutions,  # condensing takes none, a Schur complement instead
-            "back_substitutions": stresses.back_substitutions,
-            "provider_calls": friction.calls,
-            "pairs_asked": friction.pairs_asked,
-        }
-        | summed(comm, friction.counters),
+        counters=counters,
         friction=press.pair_friction(),
     )
 

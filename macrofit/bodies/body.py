@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
 from ..errors import MeshError
-from ..scene.keys import Drawn, Scene
+from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
 from .elasticity import weak_form
 from .fenics import Discretisation, Factor, discretise, schur_complement
@@ -91,7 +91,7 @@ class Body:
         spec = scene.axle if which == "axle" else scene.wheel
         self.material = spec.material
         keys = scene.mesh
-        if isinstance(spec, Drawn):
+        if isinstance(spec, MeshFile):
             data = read_mesh(str(getattr(keys, which)), which)
             generatrix = None
         else:

@@ -13,7 +13,16 @@ from macrofit.friction.contract import (
     TilePairs,
 )
 from macrofit.friction.field import FieldState, FrictionField
-from macrofit.friction.registry import InstalledProvider, build, load, names
+from macrofit.friction.registry import (
+    InstalledProvider,
+    build,
+    build_provider,
+    installed_providers,
+    load,
+    load_options,
+    names,
+)
+from macrofit.friction.script import GivenFriction, ScriptFriction
 from macrofit.friction.tiles import TileOverlaps, tile_overlaps
 from macrofit.friction.uniform import Uniform
 
@@ -24,20 +33,25 @@ __all__ = [
     "FloatArray",
     "FrictionField",
     "FrictionProvider",
+    "GivenFriction",
     "InstalledProvider",
     "IntArray",
     "PairFriction",
     "ProviderError",
     "ProviderOptions",
+    "ScriptFriction",
     "StatesUncertainty",
     "TileOverlaps",
     "TilePairs",
     "Uniform",
     "answered",
     "build",
+    "build_provider",
     "checked_answer",
     "checked_uncertainty",
+    "installed_providers",
     "load",
+    "load_options",
     "names",
     "tile_overlaps",
 ]

@@ -23,7 +23,7 @@ import numpy as np
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import PairFriction, answered, declared_dependence
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, FrictionProvider, TilePairs
-from macrofit.friction.registry import build, load
+from macrofit.friction.registry import build_provider, load_options
 
 WEAR = ("wear_coefficient", "hardness", "height")
 """Options that give the work between them."""
@@ -83,7 +83,7 @@ class Evolving(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
                 f"{missing}: needed beside {' and '.join(given)}, for work = height hardness / wear_coefficient"
             )
         try:
-            load(self.base, self.options)
+            load_options(self.base, self.options)
         except ProviderError as error:
             raise ProviderError(_inner(error)) from None
 
@@ -101,7 +101,7 @@ class Evolving(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             ProviderError: the other one cannot be built, or depends on more than tiles.
         """
         try:
-            base = build(self.base, self.options, context)
+            base = build_provider(self.base, self.options, context)
         except ProviderError as error:
             raise ProviderError(_inner(error)) from error
         more = declared_dependence(base, self.base) - {"tiles"}

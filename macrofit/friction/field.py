@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,9 @@ Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], PairFriction]
 
 JOURNALED = "friction."
 """What the names of the field's arrays start with in a journal."""
+
+FINGERPRINT, NONE = f"{JOURNALED}fingerprint", np.empty(0, dtype=np.uint8)
+"""Name of the fingerprint in a journal, and the value of none."""
 
 
 class FieldState(NamedTuple):
@@ -50,6 +53,7 @@ class FrictionField:
         name: what messages call it; its class name if not given.
         ask: how to put a batch to the provider; by default as it is. Where it is collective, so is `facet_friction`:
             the same overlaps on all ranks make them ask for the same pairs in the same order.
+        fingerprint: hexadecimal, of a provider that no scene tells from others; a journal keeps it with the answers.
 
     Raises:
         ProviderError: the provider lacks a member of the contract.
@@ -60,9 +64,17 @@ class FrictionField:
     pairs_asked: int
     """Pairs in those batches."""
 
-    def __init__(self, provider: FrictionProvider, name: str | None = None, ask: Ask | None = None) -> None:
+    def __init__(
+        self,
+        provider: FrictionProvider,
+        name: str | None = None,
+        ask: Ask | None = None,
+        *,
+        fingerprint: str = "",
+    ) -> None:
         self.provider = provider
         self.name = type(provider).__name__ if name is None else name
+        self.fingerprint = np.frombuffer(bytes.fromhex(fingerprint), dtype=np.uint8)
         self.calls = 0
         self.pairs_asked = 0
         self._ask = ask or (lambda provider, pairs: answered(provider, pairs, self.name))
@@ -115,10 +127,21 @@ class FrictionField:
         """What was answered since this was last called, each pair once, as arrays that a journal adds to its own."""
         keys, self._news = np.unique(self._news), self._news[:0]
         state = FieldState(*_pair(keys), *self._known[:, np.searchsorted(self._keys, keys)])
-        return {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
+        news: dict[str, Any] = {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
+        return news | ({FINGERPRINT: self.fingerprint} if self.fingerprint.size else {})
 
     def recall(self, journal: Iterable[Mapping[str, FloatArray | IntArray]]) -> None:
-        """Take over all `news` of an earlier run, in its order; entries of a journal without any are passed over."""
+        """Take over all `news` of an earlier run, in its order; entries of a journal without any are passed over.
+
+        Raises:
+            ProviderError: they are of another provider, or hold no coefficients of friction.
+        """
+        journal = list(journal)
+        if any(not np.array_equal(entry.get(FINGERPRINT, NONE), self.fingerprint) for entry in journal):
+            raise ProviderError(
+                f"the journal is of a run with another friction provider than {self.name!r} with its digest and "
+                f"options; resume with the friction it was started with, or start anew"
+            )
         columns = [f"{JOURNALED}{column}" for column in FieldState._fields]
         told = [entry for entry in journal if all(column in entry for column in columns)]
         self.restore(*(FieldState(*(entry[column] for column in columns)) for entry in told))  # type: ignore[arg-type]

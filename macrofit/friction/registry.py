@@ -34,12 +34,12 @@ class InstalledProvider(NamedTuple):
     """The options class, as `module:Class`."""
 
 
-def names() -> list[InstalledProvider]:
+def installed_providers() -> list[InstalledProvider]:
     """The installed providers in alphabetical order, and where they come from; none of them is imported."""
     return [InstalledProvider(entry.name, _source(entry), entry.value) for entry in _entries()]
 
 
-def load(name: str, options: Mapping[str, object]) -> ProviderOptions:
+def load_options(name: str, options: Mapping[str, object]) -> ProviderOptions:
     """The options of provider `name`, decoded strictly from the table `[friction.options]`.
 
     Raises:
@@ -47,22 +47,26 @@ def load(name: str, options: Mapping[str, object]) -> ProviderOptions:
             contract, an option that is unknown, missing, of the wrong type or refused.
     """
     entry = _entry(name)
-    return _decode(entry, _options_class(entry), options)
+    return decode_options(name, _options_class(entry), options)
 
 
-def build(name: str, options: Mapping[str, object], context: BuildContext) -> FrictionProvider:
+def build_provider(name: str, options: Mapping[str, object], context: BuildContext) -> FrictionProvider:
     """The provider `name` with these options, ready to be asked.
 
     Raises:
-        ProviderError: as `load`; or its `build` fails; or what it builds breaks the contract.
+        ProviderError: as `load_options`; or its `build` fails; or what it builds breaks the contract.
     """
-    loaded = load(name, options)
+    loaded = load_options(name, options)
     try:
         provider = loaded.build(context)
     except Exception as error:
         raise ProviderError(f"friction provider {name!r} cannot be built: {_said(error)}") from error
     declared_dependence(provider, name)
     return provider
+
+
+names, load, build = installed_providers, load_options, build_provider
+"""The short names of earlier versions, which plugins import."""
 
 
 def _entries() -> list[EntryPoint]:
@@ -83,6 +87,11 @@ def _entry(name: str) -> EntryPoint:
         owners = " and ".join(f"{_source(entry)} ({entry.value})" for entry in matches)
         raise ProviderError(f"friction provider {name!r} is claimed by {owners}: uninstall all but one")
     known = ", ".join(f"{entry.name!r} from {_source(entry)}" for entry in installed)
+    if ":" in name:
+        raise ProviderError(
+            f"friction provider {name!r} is an object of a script, not installed: give it again with friction=, "
+            f"or set friction.provider to one of {known}"
+        )
     raise ProviderError(
         f"no friction provider {name!r} is installed. Installed: {known}. "
         f"Set friction.provider to one of these, or install the package that brings {name!r}"
@@ -107,19 +116,24 @@ def _options_class(entry: EntryPoint) -> type[Any]:
     return loaded
 
 
-def _decode(entry: EntryPoint, kind: type[Any], options: Mapping[str, object]) -> ProviderOptions:
+def decode_options(name: str, kind: type[Any], options: Mapping[str, object]) -> ProviderOptions:
+    """The options of provider `name` as the Struct `kind`, strictly: no unknown key, no wrong type.
+
+    Raises:
+        ProviderError: an option is unknown, missing, of the wrong type or refused.
+    """
     known = [field.encode_name for field in msgspec.structs.fields(kind)]
     for key in options:
         if key not in known:
             accepted = ", ".join(known) if known else "none"
             raise ProviderError(
-                f"friction.options.{key}: unknown option of friction provider {entry.name!r}. Its options: {accepted}"
+                f"friction.options.{key}: unknown option of friction provider {name!r}. Its options: {accepted}"
             )
     try:
         decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
     except Exception as error:
         told = str(error).replace("`$.", "`friction.options.")
-        raise ProviderError(f"options of friction provider {entry.name!r}: {told}") from error
+        raise ProviderError(f"options of friction provider {name!r}: {told}") from error
     return decoded
 
 

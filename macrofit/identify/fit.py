@@ -14,9 +14,9 @@ from mpi4py import MPI
 from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
 from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
-from ..friction import registry
+from ..friction import GivenFriction, ScriptFriction, load_options
 from ..monitor import Silent
-from ..scene import Scene, load_scene
+from ..scene import Scene, load_scene, with_script_friction
 from ..solve import solve
 from .measured import Measured, check_scale, comparable
 
@@ -54,14 +54,20 @@ class Fit:
     trials: tuple[tuple[float, float], ...]  # values tried, with r' r [N2]
 
 
-def fit(forward: Forward, measured: FloatArray, start: float, bounds: tuple[float, float]) -> Fit:
+def fit_parameter(forward: Forward, measured: FloatArray, start: float, bounds: tuple[float, float]) -> Fit:
     """The p that makes r' r least, r = measured - forward(p), by Gauss-Newton steps J' r / (J' J).
 
     J is the secant between the two trials next to p. The second trial is where the curve would match if forces were
     proportional to p. Its standard error is sigma (J' J)^-1/2, sigma^2 = r' r / (n - 1).
 
-    Raises IdentificationError: p is at a bound, the curve does not depend on it, or the steps do not settle; and what
-    ``forward`` raises, except a ProviderError at a trial, which halves the step.
+    Args:
+        forward: forces [N] at the measured places for a value of p; a ProviderError halves the step.
+        measured: forces [N], shape (n,).
+        start: first value.
+        bounds: lowest and highest value.
+
+    Raises:
+        IdentificationError: p is at a bound, the curve does not depend on it, or the steps do not settle.
     """
     low, high = bounds
     known: dict[float, FloatArray] = {}
@@ -167,66 +173,98 @@ def identify(
     bounds: tuple[float, float] | None = None,
     comm: MPI.Comm | None = None,
     say: Callable[[str], None] = lambda line: None,
+    *,
+    friction: GivenFriction | None = None,
 ) -> Identification:
-    """Find the value of ``key`` for which the scene's fitting curve is nearest to the measured one. Collective.
+    """Find the value of a key for which the scene's fitting curve is nearest to the measured one. Collective.
 
-    key: any number of the scene, dotted; None: friction.options.coefficient for a uniform coefficient,
-    friction.options.micro_friction otherwise. Between increments the computed curve is linear.
+    Between increments the computed curve is linear.
 
-    Raises MacrofitError with one line, on all ranks together.
+    Args:
+        source: a built-in scene or a TOML file.
+        measured: the curve, whose points outside the scene's displacements are left out.
+        overrides: "key=value" each.
+        key: any number of the scene, dotted; by default friction.options.coefficient for a uniform coefficient,
+            friction.options.micro_friction otherwise.
+        bounds: lowest and highest value the key may have.
+        comm: the ranks that share the work; all by default.
+        say: told of every trial, on all ranks.
+        friction: an object in place of the scene's [friction], see `macrofit.solve.solve`. The key may be one of its
+            options (friction.options.KEY) where it is a callable that makes a provider, such as a class.
+
+    Raises:
+        MacrofitError: one line, on all ranks together.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
-    common = list(overrides)
+    script = None if friction is None else ScriptFriction(friction)
+    common = [*([] if script is None else [f"friction.provider={script.name}"]), *overrides]
     scene = load_scene(source, common)
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
-    start, bounds = _start(scene, key, bounds)
+    start, bounds = _start(scene, key, bounds, script)
     places = np.array(scene.displacements)
     if (np.diff(places) <= 0.0).any():
         raise SceneError("motion: the displacements must ascend for a curve to be compared with")
     inside = comparable(measured, places)
     at, wanted = measured.displacement[inside], measured.force[inside]
-    machine = _Machine(source, common, key, comm)
+    model = ForwardModel(source, common, key, comm, friction)
 
     def forward(value: float) -> FloatArray:
-        forces = np.interp(at, places, machine.force(value))
-        if not machine.checked:
+        forces = np.interp(at, places, model.force(value))
+        if model.runs == 1:
             check_scale(wanted, forces, at)
-            machine.checked = True
         misfit = np.sqrt(np.mean((wanted - forces) ** 2))
         say(f"{key} = {value:.6g}  misfit {misfit / 1e3:.5g} kN")
         return forces
 
-    found = fit(forward, wanted, start, bounds)
+    found = fit_parameter(forward, wanted, start, bounds)
     final = load_scene(source, [*common, f"{key}={found.value!r}"])
-    return Identification(key, bounds, final, found, at, wanted, int((~inside).sum()), machine.factorisations)
+    return Identification(
+        key=key,
+        bounds=bounds,
+        scene=final if script is None else with_script_friction(final, script),
+        fit=found,
+        displacement=at,
+        measured=wanted,
+        left_out=int((~inside).sum()),
+        factorisations=model.factorisations,
+    )
 
 
-class _Machine:
-    """Computes fitting curves for values of a key; bodies are factored again only where the key is one of theirs."""
+class ForwardModel:
+    """Fitting curves for values of a key; bodies are factored again only where the key is one of theirs."""
 
-    def __init__(self, source: str | Path, overrides: list[str], key: str, comm: MPI.Comm) -> None:
-        self.source, self.overrides, self.key, self.comm = source, overrides, key, comm
+    def __init__(
+        self, source: str | Path, overrides: list[str], key: str, comm: MPI.Comm, friction: GivenFriction | None = None
+    ) -> None:
+        self.source, self.overrides, self.key, self.comm, self.friction = source, overrides, key, comm, friction
         self.factorisations = 0
-        self.checked = False
+        self.runs = 0
         self._assembly: Assembly | None = None
 
     def force(self, value: float) -> FloatArray:
-        """Pushing force [N] at the scene's displacements."""
+        """Pushing force [N] at the scene's displacements.
+
+        Raises:
+            ConvergenceError: an increment did not converge.
+        """
         without = ["output.stress=false", "output.fields=[]", "output.frames=0"]
         scene = load_scene(self.source, [*self.overrides, *without, f"{self.key}={value!r}"])
         if self._assembly is None or not self._assembly.serves(scene):
             self._assembly = assemble(scene, self.comm)
             self.factorisations += self._assembly.factorisations
-        solution = solve(scene, self.comm, Silent(), None, self._assembly)
+        solution = solve(scene, self.comm, Silent(), None, self._assembly, friction=self.friction)
         failed = sum(not record.converged for record in solution.increments)
         if failed:
             raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
+        self.runs += 1
         return solution.force
 
 
-def _start(scene: Scene, key: str, bounds: tuple[float, float] | None) -> tuple[float, tuple[float, float]]:
+def _start(
+    scene: Scene, key: str, bounds: tuple[float, float] | None, script: ScriptFriction | None
+) -> tuple[float, tuple[float, float]]:
     """The scene's own value, moved between the bounds, and the bounds."""
-    present = _value(scene, key)
+    present = _value(scene, key, script)
     low, high = bounds or BOUNDS.get(key) or (0.5 * present, 2.0 * present)
     if not low < high:
         raise SceneError(f"--bounds {low:g},{high:g}: the lower bound must be below the upper one")
@@ -234,20 +272,19 @@ def _start(scene: Scene, key: str, bounds: tuple[float, float] | None) -> tuple[
     return (present if inside else 0.5 * (low + high)), (low, high)
 
 
-def _value(scene: Scene, key: str) -> float:
+def _value(scene: Scene, key: str, script: ScriptFriction | None) -> float:
     """The number a key has in the scene, or the default of the provider's option."""
     *path, last = key.split(".")
+    value: Any = msgspec.to_builtins(scene)
     if path == ["friction", "options"]:
-        options = registry.load(scene.friction.provider, scene.friction.options)
-        known = [name for name in getattr(options, "__struct_fields__", ())]
-        if last not in known:
+        value = _options(scene, script)
+        if last not in value:
             raise SceneError(
-                f"{key}: no option of friction provider '{scene.friction.provider}' ({', '.join(known) or 'none'}); "
+                f"{key}: no option of friction provider '{scene.friction.provider}' ({', '.join(value) or 'none'}); "
                 f"name another with --key, or another provider with --set friction.provider=NAME"
             )
-        value: Any = getattr(options, last)
+        value = value[last]
     else:
-        value = msgspec.to_builtins(scene)
         for part in (*path, last):
             if not isinstance(value, dict) or part not in value:
                 raise SceneError(f"{key}: no such key in the scene")
@@ -255,3 +292,15 @@ def _value(scene: Scene, key: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SceneError(f"{key}: is {value!r} in the scene, not a number to be identified")
     return float(value)
+
+
+def _options(scene: Scene, script: ScriptFriction | None) -> dict[str, Any]:
+    """Options of the scene's provider, those left out with their defaults."""
+    given = scene.friction.options
+    if script is not None and not script.makes:
+        raise SceneError(
+            f"{script.name}: is an object whose options cannot be identified; give what makes it, for example its "
+            f"class, or name another key of the scene"
+        )
+    loaded = load_options(scene.friction.provider, given) if script is None else script.load(given)
+    return {**given, **{name: getattr(loaded, name) for name in getattr(loaded, "__struct_fields__", ())}}

@@ -14,7 +14,7 @@ from ..base.arrays import FloatArray
 from ..bodies.geometry import Sizes, draw
 from ..bodies.mesh import read_mesh
 from ..errors import MacrofitError
-from ..scene import Drawn, Hub, Scene, Shaft
+from ..scene import MeshFile, Hub, Scene, Shaft
 
 if TYPE_CHECKING:
     from ..solution import Solution
@@ -201,7 +201,7 @@ def first_touch(scene: Scene) -> float | None:
 
     None where they never do, or where a body comes from a file.
     """
-    if isinstance(scene.axle, Drawn) or isinstance(scene.wheel, Drawn):
+    if isinstance(scene.axle, MeshFile) or isinstance(scene.wheel, MeshFile):
         return None
     seat = draw(scene.axle, "seat", Sizes.of(scene.mesh, "seat")).generatrix
     bore = draw(scene.wheel, "bore", Sizes.of(scene.mesh, "bore")).generatrix
@@ -221,7 +221,7 @@ def first_touch(scene: Scene) -> float | None:
 
 def seat_ends(scene: Scene) -> FloatArray | None:
     """Facet ends of the seat [mm] from the scene alone, for a run that ended before its solution."""
-    if not isinstance(scene.axle, Drawn):
+    if not isinstance(scene.axle, MeshFile):
         return draw(scene.axle, "seat", (sizes := Sizes.of(scene.mesh, "seat"))).generatrix.nodes(sizes)
     if scene.mesh.axle is None:
         return None

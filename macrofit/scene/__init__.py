@@ -1,12 +1,13 @@
 """Scenes: the tables of TOML, read, checked, written back."""
 
-from .keys import Disc, Drawn, Hub, Scene, Shaft
+from .keys import Disc, Hub, MeshFile, Scene, Shaft
 from .load import build_scene, dump_scene, json_schema, load_scene, scene_names
+from .script import with_script_friction
 
 __all__ = [
     "Disc",
-    "Drawn",
     "Hub",
+    "MeshFile",
     "Scene",
     "Shaft",
     "build_scene",
@@ -14,4 +15,5 @@ __all__ = [
     "json_schema",
     "load_scene",
     "scene_names",
+    "with_script_friction",
 ]

@@ -1,12 +1,12 @@
-"""The tables of a scene as frozen records: every key, its default and its unit.
+"""The tables of a scene as frozen records: every key, its default, its meaning, its unit and its bounds.
 
-Lengths in mm, forces in N, moduli in MPa.
+Lengths in mm, forces in N, moduli in MPa. What one key alone cannot say is in `checks`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
@@ -17,119 +17,185 @@ class Keys(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """Base of every table of a scene: frozen, and an unknown key is an error."""
 
 
+Positive: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
+NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+def told(description: str) -> msgspec.Meta:
+    """The description of a key for the schema, with its unit in brackets."""
+    return msgspec.Meta(description=description)
+
+
+Metal: TypeAlias = Annotated[Material, told("Elastic constants of the body.")]
+
+
 class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
     """An axle: lead, taper, seat and tail along z; the seat's entrance (end of the taper) is z = 0."""
 
-    seat_radius: float
-    seat_length: float
-    taper_length: float = 0.0  # before the seat, from seat_radius - taper_height up to seat_radius
-    taper_height: float = 0.0
-    taper_blend: float = 0.0  # radius of the arc between taper and seat; 0: a sharp corner
-    lead_length: float = 0.0  # cylinder before the taper
-    lead_radius: float | None = None  # None: where the taper starts
-    tail_length: float = 0.0  # cylinder behind the seat; its far end is held axially
-    tail_radius: float | None = None  # None: seat_radius, no shoulder
-    tail_blend: float = 0.0  # fillet in the corner of the shoulder
-    inner_radius: float = 0.0  # 0: a solid axle
-    material: Material = Material()
+    seat_radius: Annotated[Positive, told("Radius of the seat [mm].")]
+    seat_length: Annotated[Positive, told("Length of the seat [mm].")]
+    taper_length: Annotated[
+        NotNegative, told("Length of the taper before the seat, from seat_radius - taper_height to seat_radius [mm].")
+    ] = 0.0
+    taper_height: Annotated[NotNegative, told("Height of the taper, on the radius [mm].")] = 0.0
+    taper_blend: Annotated[NotNegative, told("Radius of the arc between taper and seat [mm]; 0: a sharp corner.")] = 0.0
+    lead_length: Annotated[NotNegative, told("Length of the cylinder before the taper [mm].")] = 0.0
+    lead_radius: Annotated[
+        Positive | None, told("Radius of the cylinder before the taper [mm]; left out: where the taper starts.")
+    ] = None
+    tail_length: Annotated[
+        NotNegative, told("Length of the cylinder behind the seat, held axially at its far end [mm].")
+    ] = 0.0
+    tail_radius: Annotated[
+        Positive | None, told("Radius of the cylinder behind the seat [mm]; left out: seat_radius, no shoulder.")
+    ] = None
+    tail_blend: Annotated[NotNegative, told("Fillet radius in the corner of the shoulder [mm].")] = 0.0
+    inner_radius: Annotated[NotNegative, told("Radius of the hole along the axis [mm]; 0: a solid axle.")] = 0.0
+    material: Metal = Material()
 
 
 class Hub(Keys, frozen=True, tag="wheel", tag_field="shape"):
     """A wheel or, with web_thickness = 0, a plain ring; z is measured from its leading face, backwards."""
 
-    bore_radius: float
-    hub_length: float
-    hub_outer_radius: float
-    chamfer_length: float = 0.0  # at the leading edge, from bore_radius + chamfer_height to bore_radius
-    chamfer_height: float = 0.0
-    chamfer_blend: float = 0.0  # radius of the arc between chamfer and bore; 0: a sharp corner
-    rear_edge_blend: float = 0.0  # rounding of the bore's rear edge; 0: a sharp edge
-    web_thickness: float = 0.0
-    web_offset: float = 0.0  # from the middle of the hub to the middle of web and rim, towards the leading face
-    web_blend: float = 0.0  # fillets where the web meets hub and rim
-    rim_inner_radius: float = 0.0
-    rim_outer_radius: float = 0.0
-    rim_width: float = 0.0
-    material: Material = Material()
+    bore_radius: Annotated[Positive, told("Radius of the bore [mm].")]
+    hub_length: Annotated[Positive, told("Length of the hub [mm].")]
+    hub_outer_radius: Annotated[Positive, told("Outer radius of the hub [mm].")]
+    chamfer_length: Annotated[
+        NotNegative,
+        told("Length of the chamfer at the leading edge, from bore_radius + chamfer_height to bore_radius [mm]."),
+    ] = 0.0
+    chamfer_height: Annotated[NotNegative, told("Height of the chamfer, on the radius [mm].")] = 0.0
+    chamfer_blend: Annotated[
+        NotNegative, told("Radius of the arc between chamfer and bore [mm]; 0: a sharp corner.")
+    ] = 0.0
+    rear_edge_blend: Annotated[NotNegative, told("Radius of the bore's rear edge [mm]; 0: a sharp edge.")] = 0.0
+    web_thickness: Annotated[NotNegative, told("Thickness of the web [mm]; 0: a plain ring without web and rim.")] = 0.0
+    web_offset: Annotated[
+        float,
+        told("From the middle of the hub to the middle of web and rim, positive towards the leading face [mm]."),
+    ] = 0.0
+    web_blend: Annotated[NotNegative, told("Fillet radius where the web meets hub and rim [mm].")] = 0.0
+    rim_inner_radius: Annotated[NotNegative, told("Inner radius of the rim [mm].")] = 0.0
+    rim_outer_radius: Annotated[NotNegative, told("Outer radius of the rim [mm].")] = 0.0
+    rim_width: Annotated[NotNegative, told("Width of the rim along the axis [mm].")] = 0.0
+    material: Metal = Material()
 
 
 class Disc(Keys, frozen=True, tag="disc", tag_field="shape"):
     """A disc or spherical cap on the axis, pressed along z; as axle it is held, as wheel it is pushed."""
 
-    radius: float
-    thickness: float
-    crown_radius: float = 0.0  # sphere radius of the contact face; 0: flat
-    contact_radius: float | None = None  # how far from the axis contact is looked for; None: radius
-    material: Material = Material()
+    radius: Annotated[Positive, told("Radius of the disc [mm].")]
+    thickness: Annotated[Positive, told("Thickness of the disc on the axis [mm].")]
+    crown_radius: Annotated[NotNegative, told("Sphere radius of the contact face [mm]; 0: flat.")] = 0.0
+    contact_radius: Annotated[
+        Positive | None, told("How far from the axis contact is looked for [mm]; left out: radius.")
+    ] = None
+    material: Metal = Material()
 
 
-class Drawn(Keys, frozen=True, tag="mesh", tag_field="shape"):
+class MeshFile(Keys, frozen=True, tag="mesh", tag_field="shape"):
     """A body whose shape comes from a mesh file (see ``[mesh]``): only its material is left to say."""
 
-    material: Material = Material()
+    material: Metal = Material()
 
 
 class MeshKeys(Keys, frozen=True):
     """Element order and sizes, or the user's own mesh files."""
 
-    order: Literal[1, 2] = 2
-    seat_facet: float = 1.0  # length of a facet of the seat [mm]
-    bore_facet: float | None = None  # None: 0.97 seat_facet, so that the two lines never repeat their phase
-    corner_facet: float | None = None  # in the arcs of the seat (blends, crowns) [mm], 0.97 of it in the bore's
-    coarse: float = 20.0  # largest element [mm]
-    growth: float = 0.35  # growth of the element size with the distance from the contact line
-    axle: str | None = None
-    wheel: str | None = None
+    order: Annotated[Literal[1, 2], told("Order of the elements [-].")] = 2
+    seat_facet: Annotated[Positive, told("Length of a facet of the seat [mm].")] = 1.0
+    bore_facet: Annotated[
+        Positive | None,
+        told(
+            "Length of a facet of the bore [mm]; left out: 0.97 seat_facet, so that the lines never repeat their phase."
+        ),
+    ] = None
+    corner_facet: Annotated[
+        Positive | None,
+        told("Length of a facet in the arcs of the seat (blends, crowns) [mm], 0.97 of it in the bore's."),
+    ] = None
+    coarse: Annotated[Positive, told("Largest element [mm].")] = 20.0
+    growth: Annotated[
+        NotNegative, told("Growth of the element size with the distance from the contact line [mm/mm].")
+    ] = 0.35
+    axle: Annotated[str | None, told("Mesh file of the axle, looked for beside the scene.")] = None
+    wheel: Annotated[str | None, told("Mesh file of the wheel, looked for beside the scene.")] = None
 
 
 class ContactKeys(Keys, frozen=True):
-    """How the contact conditions are imposed (see docs of ``macrofit.contact.law``)."""
+    """How the contact conditions are imposed (see ``macrofit.contact.law``)."""
 
-    formulation: Literal["nitsche", "penalty"] = "nitsche"
-    theta: Literal[-1, 0, 1] = 0
-    gamma0: float | None = None  # gamma = gamma0 E / h; None: 10, and 30 for theta = 1, which is coercive only then
-    penalty_stiffness: float | None = None  # MPa/mm; None: 10 E per mm
-    direction: Literal["radial", "axial"] | None = None  # of the gap; None: by the shapes
+    formulation: Annotated[
+        Literal["nitsche", "penalty"], told("Nitsche's method, consistent with the bulk stress, or penalty.")
+    ] = "nitsche"
+    theta: Annotated[Literal[-1, 0, 1], told("Variant of Nitsche's method: 1 is symmetric [-].")] = 0
+    gamma0: Annotated[
+        Positive | None,
+        told("gamma = gamma0 E / h of Nitsche's method [-]; left out: 10, and 30 for theta = 1, coercive only then."),
+    ] = None
+    penalty_stiffness: Annotated[
+        Positive | None, told("Stiffness of the penalty method [MPa/mm]; left out: 10 E per mm.")
+    ] = None
+    direction: Annotated[
+        Literal["radial", "axial"] | None, told("Direction of the gap; left out: by the shapes of the bodies.")
+    ] = None
 
 
 class Motion(Keys, frozen=True):
     """Displacements of the wheel, 0 where its leading face is at the seat's entrance."""
 
-    start: float = 0.0  # > 0: the interference is resolved in place before anything moves
-    travel: float = 0.0  # final displacement
-    increment: float = 1.0
-    displacements: tuple[float, ...] | None = None  # instead of the three above; may reverse
-    max_cutbacks: int = 8
+    start: Annotated[
+        float, told("First displacement [mm]; above 0 the interference is resolved in place before anything moves.")
+    ] = 0.0
+    travel: Annotated[float, told("Final displacement [mm].")] = 0.0
+    increment: Annotated[Positive, told("Displacement from one increment to the next [mm].")] = 1.0
+    displacements: Annotated[
+        Annotated[tuple[float, ...], msgspec.Meta(min_length=1)] | None,
+        told("All displacements, which may reverse, instead of start, travel and increment [mm]."),
+    ] = None
+    max_cutbacks: Annotated[
+        int, msgspec.Meta(ge=0), told("How often an increment may be halved where Newton's method fails [-].")
+    ] = 8
 
 
 class FrictionKeys(Keys, frozen=True):
     """The friction provider by its entry-point name, and its options."""
 
-    provider: str = "uniform"
-    options: dict[str, Any] = {}
+    provider: Annotated[str, told("Name of the friction provider, see `macrofit providers`.")] = "uniform"
+    options: Annotated[dict[str, Any], told("Options of the provider, with its own keys and units.")] = {}
 
 
 class OutputKeys(Keys, frozen=True):
     """What is computed and written beyond the fitting curve."""
 
-    stress: bool = True  # maximum von Mises stress of each body over the whole run
-    fields_at: tuple[float, ...] | None = None  # displacements; None: the last one
-    fields: tuple[Literal["displacement", "von_mises", "stress"], ...] = ("displacement", "von_mises")
-    frames: int = 0  # that many more, evenly spaced, for an animation
+    stress: Annotated[bool, told("Whether the largest von Mises stress of each body over the run is computed.")] = True
+    fields_at: Annotated[
+        tuple[float, ...] | None, told("Displacements whose fields are written [mm]; left out: the last one.")
+    ] = None
+    fields: Annotated[
+        tuple[Literal["displacement", "von_mises", "stress"], ...],
+        told("Fields that are written: displacement [mm], von_mises [MPa], stress [MPa]."),
+    ] = ("displacement", "von_mises")
+    frames: Annotated[
+        int, msgspec.Meta(ge=0), told("That many more displacements, evenly spaced, for an animation [-].")
+    ] = 0
 
 
 class Scene(Keys, frozen=True):
     """Everything that determines a run."""
 
-    axle: Shaft | Disc | Drawn
-    wheel: Hub | Disc | Drawn
-    motion: Motion
-    title: str = ""
-    solver: Literal["condensed", "monolithic"] = "condensed"
-    mesh: MeshKeys = MeshKeys()
-    contact: ContactKeys = ContactKeys()
-    friction: FrictionKeys = FrictionKeys()
-    output: OutputKeys = OutputKeys()
+    axle: Annotated[Shaft | Disc | MeshFile, told("The body that is held.")]
+    wheel: Annotated[Hub | Disc | MeshFile, told("The body that is pushed.")]
+    motion: Annotated[Motion, told("Displacements of the wheel.")]
+    title: Annotated[str, told("What figures and lists call the scene.")] = ""
+    solver: Annotated[
+        Literal["condensed", "monolithic"],
+        told("Interface problem condensed on the contact line, or both bodies and the contact in one system."),
+    ] = "condensed"
+    mesh: Annotated[MeshKeys, told("Element order and sizes, or mesh files.")] = MeshKeys()
+    contact: Annotated[ContactKeys, told("How the contact conditions are imposed.")] = ContactKeys()
+    friction: Annotated[FrictionKeys, told("Where the coefficient of friction comes from.")] = FrictionKeys()
+    output: Annotated[OutputKeys, told("What is computed and written beyond the fitting curve.")] = OutputKeys()
 
     @property
     def displacements(self) -> tuple[float, ...]:

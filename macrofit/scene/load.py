@@ -16,8 +16,8 @@ import msgspec
 
 from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override, unknown_key
 from ..errors import SceneError
-from .checks import check
-from .keys import ContactKeys, Disc, Drawn, FrictionKeys, Hub, Keys, MeshKeys, Motion, OutputKeys, Scene, Shaft
+from .checks import check_scene
+from .keys import ContactKeys, Disc, FrictionKeys, Hub, Keys, MeshFile, MeshKeys, Motion, OutputKeys, Scene, Shaft
 from .material import Material
 from .refine import refined
 
@@ -64,12 +64,12 @@ def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
     _name_shapes(tables, folder)
     if isinstance(tables.get("friction"), dict):
         tables["friction"] = _place_tables(tables["friction"], "provider", folder or Path())
+    _check_numbers(tables, "")
     try:
         scene = msgspec.convert(tables, Scene)
     except msgspec.ValidationError as error:
         raise SceneError(_one_line(error, tables)) from None
-    _check_numbers(msgspec.to_builtins(scene), "")
-    check(scene)
+    check_scene(scene)
     return scene
 
 
@@ -83,8 +83,13 @@ def dump_scene(scene: Scene) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema of a scene, for editors."""
-    return msgspec.json.schema(Scene)
+    """JSON schema of a scene, for editors: every key with its meaning, its unit and its bounds."""
+    schema = msgspec.json.schema(Scene)
+    for table in schema["$defs"].values():
+        if "shape" in table["properties"]:  # the tag of the bodies, which may be left out
+            table["properties"]["shape"]["description"] = "Shape of the body; left out: shaft, wheel, or a mesh file."
+            table["required"] = [key for key in table["required"] if key != "shape"]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A scene of macrofit", **schema}
 
 
 def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
@@ -133,7 +138,7 @@ _FIELDS: dict[str, type[Keys]] = {
     "friction": FrictionKeys,
     "output": OutputKeys,
 }
-_SHAPES: dict[str, type[Keys]] = {"shaft": Shaft, "wheel": Hub, "disc": Disc, "mesh": Drawn}
+_SHAPES: dict[str, type[Keys]] = {"shaft": Shaft, "wheel": Hub, "disc": Disc, "mesh": MeshFile}
 
 
 def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any]) -> str:
@@ -151,7 +156,29 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any]) -> str:
         return f"{_join(where, missing.group(1))}: missing"
     if "Invalid value" in message and where.endswith(".shape"):
         return f"{where}: {message} (try shaft, wheel or disc; a mesh file goes under [mesh])"
+    bound = re.fullmatch(r"Expected `\w+` (>=?|<=?) (\S+)", message)
+    if bound:
+        return f"{where}: {_value_at(tables, where)} must {_bound(*bound.groups())}"
+    if "of length >= 1" in message:
+        return f"{where}: is empty"
     return f"{where or 'scene'}: {message[0].lower()}{message[1:]}"
+
+
+_BOUNDS = {">": "be above", ">=": "not be below", "<": "be below", "<=": "not exceed"}
+
+
+def _bound(sign: str, limit: str) -> str:
+    """What a value must do, after "must"."""
+    if float(limit) == 0.0 and sign in (">", ">="):
+        return "be positive" if sign == ">" else "not be negative"
+    return f"{_BOUNDS[sign]} {float(limit):g}"
+
+
+def _value_at(tables: Mapping[str, Any], where: str) -> Any:
+    value: Any = tables
+    for key in where.split("."):
+        value = value[key]
+    return value
 
 
 def _known_keys(where: str, tables: Mapping[str, Any]) -> list[str]:

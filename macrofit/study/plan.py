@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from .. import __version__
 from ..errors import MacrofitError, SceneError
-from ..friction import BuildContext, registry
+from ..friction import BuildContext, GivenFriction, ScriptFriction, build_provider
 from ..results.journal import VERSION, file_digests
-from ..scene import Scene, load_scene
+from ..scene import Scene, load_scene, with_script_friction
 
 MOST_RUNS = 100_000
 EXAMPLE = "for example friction.options.micro_friction=0.01,0.03 or friction.options.seed=1:200"
@@ -49,40 +51,63 @@ class Plan:
     title: str
     keys: tuple[str, ...]
     runs: tuple[PlannedRun, ...]
+    script: ScriptFriction | None = None  # friction that a script gives, for the runs that name it
+
+    def friction_of(self, scene: Scene) -> GivenFriction | None:
+        """The object that gives a run's friction; None where it is that of an installed provider."""
+        named = self.script is not None and scene.friction.provider == self.script.name
+        return self.script.given if self.script is not None and named else None
 
 
 def plan_study(
-    source: str | Path, vary: Sequence[str], overrides: Iterable[str] = (), references: Sequence[str] = ()
+    source: str | Path,
+    vary: Sequence[str],
+    overrides: Iterable[str] = (),
+    references: Sequence[str] = (),
+    *,
+    friction: GivenFriction | None = None,
 ) -> Plan:
-    """The runs of a study of ``source``, every scene decoded and checked, its provider's options too.
+    """The runs of a study of a scene, every one decoded and checked, its provider's options too.
 
-    vary: "key=v1,v2,..." each; a value may be a range of integers, "1:200" or "1:200:10", both ends included.
-    overrides: "key=value" each, for all runs. references: see `reference_overrides`.
+    Args:
+        source: a built-in scene or a TOML file.
+        vary: "key=v1,v2,..." each; a value may be a range of integers, "1:200" or "1:200:10", both ends included.
+        overrides: "key=value" each, for all runs.
+        references: see `reference_overrides`; they may name installed providers.
+        friction: an object in place of the scene's [friction], with a `digest`, see `macrofit.solve.solve`. Its
+            options vary (friction.options.KEY) where it is a callable that makes a provider, such as a class.
 
-    Raises SceneError or ProviderError with one line that names the key.
+    Raises:
+        SceneError: a key or value that is wrong; the line names the key.
+        ProviderError: options that the provider refuses, or an object without a digest.
     """
+    script = None if friction is None else ScriptFriction(friction)
     varied = [parse_vary(text) for text in vary]
-    keys = tuple(key for key, _ in varied)
-    for key in keys:
-        if keys.count(key) > 1:
-            raise SceneError(f"--vary {key}: given more than once; write all its values after one --vary")
-    count = 1
-    for _, values in varied:
-        count *= len(values)
-    if count > MOST_RUNS:
-        raise SceneError(f"--vary: {count} runs are asked for, more than {MOST_RUNS}")
-    common = list(overrides)
+    keys = _varied_keys(varied)
+    common = [*([] if script is None else [f"friction.provider={script.name}"]), *overrides]
+    planned = [reference_overrides(text) for text in references]
     runs: list[PlannedRun] = []
-    for text in references:
-        label, own = reference_overrides(text)
-        runs.append(_planned(len(runs) + 1, label, {}, source, [*common, *own]))
+    for label, own in planned:
+        runs.append(_planned(len(runs) + 1, label, {}, (source, [*common, *own]), script))
     for combination in itertools.product(*(values for _, values in varied)):
         chosen = dict(zip(keys, combination, strict=True))
         label = ", ".join(f"{_short(key, keys)} = {value}" for key, value in chosen.items())
         own = [f"{key}={value}" for key, value in chosen.items()]
-        runs.append(_planned(len(runs) + 1, label, chosen, source, [*common, *own]))
+        runs.append(_planned(len(runs) + 1, label, chosen, (source, [*common, *own]), script))
     _no_twins(runs)
-    return Plan(str(source), load_scene(source, common).title, keys, tuple(runs))
+    return Plan(str(source), load_scene(source, common).title, keys, tuple(runs), script)
+
+
+def _varied_keys(varied: Sequence[tuple[str, list[str]]]) -> tuple[str, ...]:
+    """The keys, each given once and with a number of runs that can be computed."""
+    keys = tuple(key for key, _ in varied)
+    for key in keys:
+        if keys.count(key) > 1:
+            raise SceneError(f"--vary {key}: given more than once; write all its values after one --vary")
+    count = math.prod(len(values) for _, values in varied)
+    if count > MOST_RUNS:
+        raise SceneError(f"--vary: {count} runs are asked for, more than {MOST_RUNS}")
+    return keys
 
 
 def parse_vary(text: str) -> tuple[str, list[str]]:
@@ -135,10 +160,12 @@ def split_outside(text: str) -> list[str]:
     return parts
 
 
-def digest(scene: Scene) -> str:
-    """SHA-256 of a scene, the content of all files it names and the versions of macrofit and of its states."""
-    whole = msgspec.json.encode([__version__, VERSION, scene, file_digests(scene)], order="deterministic")
-    return hashlib.sha256(whole).hexdigest()
+def digest(scene: Scene, script: ScriptFriction | None = None) -> str:
+    """SHA-256 of a scene, of all files it names, of the object it names as friction, and of macrofit's versions."""
+    parts: list[Any] = [__version__, VERSION, scene, file_digests(scene)]
+    if script is not None:
+        parts.append(script.required_digest())
+    return hashlib.sha256(msgspec.json.encode(parts, order="deterministic")).hexdigest()
 
 
 def _integers(key: str, text: str, first: int, last: int, step: int) -> list[str]:
@@ -149,28 +176,38 @@ def _integers(key: str, text: str, first: int, last: int, step: int) -> list[str
     return [str(value) for value in range(first, last + 1, step)]
 
 
-def _planned(number: int, label: str, values: dict[str, str], source: str | Path, overrides: list[str]) -> PlannedRun:
+def _planned(
+    number: int, label: str, values: dict[str, str], where: tuple[str | Path, list[str]], script: ScriptFriction | None
+) -> PlannedRun:
     what = f"run {number} ({label}): " if label else ""
     try:
-        scene = load_scene(source, overrides)
-        _try_friction(scene)
+        scene = load_scene(*where)
+        if script is not None and scene.friction.provider == script.name:
+            scene = with_script_friction(scene, script)
+        else:
+            script = None
+        _try_friction(scene, script)
+        stated = digest(scene, script)
     except MacrofitError as error:
         hint = ""
-        if "unknown option of friction provider" in str(error):
+        if script is None and "unknown option of friction provider" in str(error):
             hint = "; another provider is chosen with --set friction.provider=NAME"
         raise type(error)(f"{what}{error}{hint}") from error
-    return PlannedRun(number, label, values, scene, digest(scene))
+    return PlannedRun(number, label, values, scene, stated)
 
 
-def _try_friction(scene: Scene) -> None:
-    """Build the provider once, so that a value it refuses is known before anything runs. Raises ProviderError."""
+def _try_friction(scene: Scene, script: ScriptFriction | None) -> None:
+    """Build the provider once, so that a value it refuses is known before anything runs."""
     material = scene.axle.material
     context = BuildContext(
         seat_tiles=1, bore_tiles=1, youngs_modulus=material.youngs_modulus, poisson_ratio=material.poisson_ratio
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when it runs
-        registry.build(scene.friction.provider, scene.friction.options, context)
+        if script is not None:
+            script.build(scene.friction.options, context)
+        else:
+            build_provider(scene.friction.provider, scene.friction.options, context)
 
 
 def _no_twins(runs: Sequence[PlannedRun]) -> None:

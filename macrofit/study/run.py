@@ -29,7 +29,10 @@ def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, k
     """Compute the runs of a study that ``folder`` does not hold yet, write everything, give the closing words (rank 0).
 
     Every rank computes whole runs alone, so that the results do not depend on their number. ``keep`` writes the
-    folder of each run, as `macrofit run` does. Collective; raises MacrofitError on all ranks together.
+    folder of each run, as `macrofit run` does. Collective.
+
+    Raises:
+        MacrofitError: on all ranks together; what was computed is kept.
     """
     kept: StudyFile | None = None
     with raise_together(comm):
@@ -48,7 +51,7 @@ def _compute(
     done = comm.bcast(set(kept.records) if kept is not None else None)
     different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
     left = [run for run in plan.runs if different[run.digest] is run and run.digest not in done]
-    bench = Bench(folder, resume=resume, keep=keep)
+    worker = RunWorker(plan, folder, resume=resume, keep=keep)
     progress = StudyProgress(plan, already=len(different) - len(left), quiet=quiet or comm.rank != 0)
 
     def accept(record: RunRecord) -> None:
@@ -56,8 +59,8 @@ def _compute(
         kept.append(record)
         progress.finished(record)
 
-    deal(sorted_by_bodies(left), comm, bench.run, accept)
-    costs = comm.gather((bench.factorisations, bench.assemblies, bench.cpu_s))
+    deal(sorted_by_bodies(left), comm, worker.run, accept)
+    costs = comm.gather((worker.factorisations, worker.assemblies, worker.cpu_s))
     lines: list[str] = []
     with raise_together(comm):
         if kept is not None:
@@ -67,27 +70,32 @@ def _compute(
     return lines
 
 
-class Bench:
+class RunWorker:
     """What one rank computes runs with: the assembly of the last one, used again as long as the bodies are the same."""
 
-    def __init__(self, folder: Path | None = None, *, resume: bool = False, keep: bool = False) -> None:
+    def __init__(self, plan: Plan, folder: Path, *, resume: bool = False, keep: bool = False) -> None:
+        self.plan = plan
         self.folder, self.resume, self.keep = folder, resume, keep
         self.factorisations = self.assemblies = 0
         self.cpu_s = 0.0  # of assembling
         self._assembly: Assembly | None = None
 
     def run(self, run: PlannedRun, poll: Callable[[], None]) -> RunRecord:
-        """Compute one run. Raises MacrofitError with the run's name."""
+        """Compute one run.
+
+        Raises:
+            MacrofitError: what ended it, with the run's name.
+        """
         with naming(run):
             assembly = self.assembly(run.scene)
             begin = time.process_time()
             if self.keep:
-                assert self.folder is not None
                 solution = self._with_folder(run, assembly, poll, run_folder(self.folder, run))
             else:
-                solution = solve(lean(run.scene), MPI.COMM_SELF, Polling(poll), None, assembly)
+                scene, friction = without_fields(run.scene), self.plan.friction_of(run.scene)
+                solution = solve(scene, MPI.COMM_SELF, Polling(poll), None, assembly, friction=friction)
             self.factorisations += solution.counters["factorisations"]
-            if self.folder is not None and asks_for_fields(run.scene):
+            if asks_for_fields(run.scene):
                 save_fields(self.folder, run.digest, solution)
             return RunRecord.of(run.digest, solution, time.process_time() - begin)
 
@@ -105,8 +113,9 @@ class Bench:
     def _with_folder(self, run: PlannedRun, assembly: Assembly, poll: Callable[[], None], target: Path) -> Solution:
         target.parent.mkdir(exist_ok=True)
         journal, curve = open_folder(target, run.scene, resume=self.resume)
+        watching, friction = Several(curve, Polling(poll)), self.plan.friction_of(run.scene)
         with journal:
-            solution = solve(run.scene, MPI.COMM_SELF, Several(curve, Polling(poll)), journal, assembly)
+            solution = solve(run.scene, MPI.COMM_SELF, watching, journal, assembly, friction=friction)
         write_results(target, solution)
         return solution
 
@@ -138,7 +147,7 @@ def asks_for_fields(scene: Scene) -> bool:
     return bool(scene.output.fields_at) and bool(scene.output.fields)
 
 
-def lean(scene: Scene) -> Scene:
+def without_fields(scene: Scene) -> Scene:
     """The scene without the fields that nobody will look at."""
     if asks_for_fields(scene):
         return scene

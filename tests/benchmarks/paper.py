@@ -22,7 +22,7 @@ import numpy as np
 from mpi4py import MPI
 
 from macrofit.assembly import Assembly, assemble
-from macrofit.identify.fit import fit
+from macrofit.identify.fit import fit_parameter
 from macrofit.scene import load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
@@ -94,7 +94,7 @@ def rows(small: Sequence[str], count: int) -> Iterator[str]:
     end = uniform.increments[-1].displacement
     yield head("", "Lalleman et al.", "here")
     micro = {mu: force_at(assembly, small, mu) for mu in MICRO}
-    found = fit(partial(force_at, assembly, small), uniform.force, 0.07, (0.0, 0.5))
+    found = fit_parameter(partial(force_at, assembly, small), uniform.force, 0.07, (0.0, 0.5))
     residual = float(np.sqrt(np.mean(found.residual**2)) / uniform.force.max())
     matched = f"{found.value:.4f} ({len(found.trials)} runs, residual {residual:.2%} of the peak)"
     yield row("micro coefficient that matches uniform 0.11", "0.07", matched)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small import plain_shaft
+from small import plain_shaft, small_press
 
 from macrofit.friction import BuildContext, build, names
 from macrofit.friction.conformance import check
@@ -51,6 +52,18 @@ def test_the_readme_shows_this_one() -> None:
         pytest.skip("the README does not show it")
     assert shown == [SOURCE.read_text()]
     assert ITS_TEST in blocks
+
+
+def test_the_readme_tries_a_law() -> None:
+    """Its script runs as it stands, on the small press."""
+    (block,) = (block for block in re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL) if "Step" in block)
+    told = block.replace('load_scene("wheelset")', "scene")
+    found: dict[str, Any] = {"__name__": "__main__", "scene": small_press()}
+    exec(told, found)
+    assert found["solution"].scene.friction.provider == "__main__:Step"
+    friction = found["solution"].increments[-1].facets.friction
+    assert friction.min() >= 0.0
+    assert friction.max() == 0.12
 
 
 def test_it_is_listed() -> None:

@@ -71,35 +71,30 @@ class Kept:
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("bad", "message"), FAILURES.values(), ids=FAILURES.keys())
-def test_failure_on_one_rank(
-    bad: Callable[[FloatArray], FloatArray], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failure_on_one_rank(bad: Callable[[FloatArray], FloatArray], message: str) -> None:
     """Every rank gets the ProviderError; the increments accepted before it were told on every rank."""
     provider = Tiles(bad, break_at=60)
-    monkeypatch.setattr("macrofit.assembly.build", lambda name, options, context: provider)
     kept = Kept()
-    with pytest.raises(ProviderError, match="uniform") as caught:
-        solve(small_press(), WORLD, kept)
+    with pytest.raises(ProviderError, match="test_providers:Tiles") as caught:
+        solve(small_press(), WORLD, kept, friction=provider)
     assert message in str(caught.value)
     assert 0 < len(kept.records) < 10
     assert WORLD.allgather(len(kept.records)) == [len(kept.records)] * WORLD.size
 
 
 @pytest.mark.mpi
-def test_the_batch_is_shared_and_each_pair_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_batch_is_shared_and_each_pair_asked_once() -> None:
     provider = Tiles()
-    monkeypatch.setattr("macrofit.assembly.build", lambda name, options, context: provider)
-    solution = solve(small_press(), WORLD)
+    solution = solve(small_press(), WORLD, friction=provider)
     asked = WORLD.allgather(provider.asked)
     assert sum(asked) == solution.counters["pairs_asked"]
     assert max(asked) - min(asked) <= len(solution.increments)
     alone = Tiles()
-    monkeypatch.setattr("macrofit.assembly.build", lambda name, options, context: alone)
-    assert (solve(small_press(), MPI.COMM_SELF).force == solution.force).all()
+    assert (solve(small_press(), MPI.COMM_SELF, friction=alone).force == solution.force).all()
 
 
 @pytest.mark.mpi
-def test_a_monitor_that_fails_on_one_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_monitor_that_fails_on_one_rank() -> None:
     class Full(Kept):
         def increment(self, record: Increment) -> None:
             super().increment(record)
@@ -113,7 +108,7 @@ def test_a_monitor_that_fails_on_one_rank(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.mpi
-def test_uniform_of_any_kind_is_the_same_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_uniform_of_any_kind_is_the_same_to_the_bit() -> None:
     class Constant:
         depends_on = frozenset({"tiles", "pressure", "sliding"})
 
@@ -123,20 +118,18 @@ def test_uniform_of_any_kind_is_the_same_to_the_bit(monkeypatch: pytest.MonkeyPa
     uniform = solve(small_press(), WORLD)
     assert uniform.counters["provider_calls"] == 1
     assert uniform.counters["pairs_asked"] == 1
-    monkeypatch.setattr("macrofit.assembly.build", lambda name, options, context: Constant())
-    assert (solve(small_press(), WORLD).force == uniform.force).all()
+    assert (solve(small_press(), WORLD, friction=Constant()).force == uniform.force).all()
 
 
 @pytest.mark.mpi
-def test_uncertainty_is_gathered_with_the_coefficients(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_uncertainty_is_gathered_with_the_coefficients() -> None:
     """Each rank states it for its share; all know it for all pairs, as one rank alone does."""
 
     class Doubtful(Tiles):
         def uncertainty(self, pairs: TilePairs) -> FloatArray:
             return 0.001 * (1.0 + pairs.seat + 0.1 * pairs.bore)
 
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: Doubtful())
-    together, alone = solve(small_press(), WORLD).friction, solve(small_press(), MPI.COMM_SELF).friction
+    together, alone = (solve(small_press(), comm, friction=Doubtful()).friction for comm in (WORLD, MPI.COMM_SELF))
     assert together is not None
     assert alone is not None
     for name in ("seat", "bore", "coefficient", "uncertainty"):
@@ -146,15 +139,14 @@ def test_uncertainty_is_gathered_with_the_coefficients(monkeypatch: pytest.Monke
 
 
 @pytest.mark.mpi
-def test_a_bad_uncertainty_on_one_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bad_uncertainty_on_one_rank() -> None:
     class Doubtful(Tiles):
         def uncertainty(self, pairs: TilePairs) -> FloatArray:
             return np.full(len(pairs.seat), -0.5 if WORLD.rank == WORLD.size - 1 and self.asked > 60 else 0.01)
 
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: Doubtful())
     kept = Kept()
-    with pytest.raises(ProviderError, match=r"'uniform' answered, asked for its uncertainty, -0\.5"):
-        solve(small_press(), WORLD, kept)
+    with pytest.raises(ProviderError, match=r"Doubtful' answered, asked for its uncertainty, -0\.5"):
+        solve(small_press(), WORLD, kept, friction=Doubtful())
     assert WORLD.allgather(len(kept.records)) == [len(kept.records)] * WORLD.size
     assert kept.records
 

@@ -7,15 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
 from small import plain_shaft, small_press
 
 from macrofit.contact.status import SLIP
+from macrofit.errors import ProviderError, SceneError
 from macrofit.figures.friction import facet_uncertainty
-from macrofit.friction import FloatArray, TilePairs
-from macrofit.scene import Scene
+from macrofit.friction import FieldState, FloatArray, TilePairs, Uniform
+from macrofit.scene import Scene, build_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
 
@@ -24,6 +26,8 @@ MU = 0.11
 
 class Counted:
     """Coefficients by a rule; remembers every batch."""
+
+    digest = "the rules of this file"
 
     def __init__(self, rule: Callable[[TilePairs], FloatArray], *depends_on: str) -> None:
         self.rule, self.depends_on = rule, frozenset(depends_on)
@@ -86,20 +90,16 @@ def test_a_constant_of_any_kind_is_uniform_to_the_bit(
 
 
 @pytest.mark.parametrize("depends_on", [(), ("tiles",), ("pressure",), ("tiles", "pressure", "sliding")])
-def test_a_third_party_constant_is_uniform_to_the_bit(
-    depends_on: tuple[str, ...], uniform: Solution, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_third_party_constant_is_uniform_to_the_bit(depends_on: tuple[str, ...], uniform: Solution) -> None:
     provider = Counted(constant, *depends_on)
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: provider)
-    assert_same_bits(solve(small_press(), MPI.COMM_SELF), uniform)
+    assert_same_bits(solve(small_press(), MPI.COMM_SELF, friction=provider), uniform)
     assert provider.batches
 
 
-def test_a_coefficient_that_is_not_constant_is_seen(uniform: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_coefficient_that_is_not_constant_is_seen(uniform: Solution) -> None:
     """What the comparisons above can tell: 1e-12 of the coefficient on one seat tile."""
     nearly = Counted(lambda pairs: np.where(pairs.seat == 30, MU * (1.0 + 1e-12), MU), "tiles")
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: nearly)
-    solution = solve(small_press(), MPI.COMM_SELF)
+    solution = solve(small_press(), MPI.COMM_SELF, friction=nearly)
     assert (solution.force != uniform.force).any()
 
 
@@ -125,10 +125,9 @@ def test_the_force_of_a_coefficient_along_the_seat(tmp_path: Path) -> None:
     assert np.ptp([record.mean_friction for record in solution.increments[1:]]) > 0.005
 
 
-def test_new_pairs_only_are_asked_in_one_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_pairs_only_are_asked_in_one_batch() -> None:
     """The second increment of a place asks for nothing; no pair is asked twice; at most one batch for an increment."""
     provider = Counted(rough, "tiles")
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: provider)
     scene = small_press("motion={displacements=[40, 45, 50, 45, 50, 55]}")
     sizes: list[int] = []
 
@@ -140,7 +139,7 @@ def test_new_pairs_only_are_asked_in_one_batch(monkeypatch: pytest.MonkeyPatch) 
 
         def finished(self) -> None: ...
 
-    solution = solve(scene, MPI.COMM_SELF, Watch())
+    solution = solve(scene, MPI.COMM_SELF, Watch(), friction=provider)
     assert sizes == [1, 2, 3, 3, 3, 4]
     asked = [pair for batch in provider.batches for pair in batch]
     assert len(asked) == len(set(asked)) == solution.counters["pairs_asked"]
@@ -162,13 +161,11 @@ class Memory:
         self.kept.append((record, {name: array.copy() for name, array in state.items()}))
 
 
-def test_a_resumed_run_asks_for_new_pairs_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_resumed_run_asks_for_new_pairs_only() -> None:
     """What the journal knows is not asked again, and the run is the uninterrupted one."""
     whole, first, rest = Memory([]), Counted(rough, "tiles"), Counted(rough, "tiles")
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: first)
-    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole)
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: rest)
-    resumed = solve(small_press(), MPI.COMM_SELF, journal=Memory(whole.kept[:6]))
+    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole, friction=first)
+    resumed = solve(small_press(), MPI.COMM_SELF, journal=Memory(whole.kept[:6]), friction=rest)
     assert_same_bits(uninterrupted, resumed)
     assert rest.batches == first.batches[6:]
     assert uninterrupted.friction is not None
@@ -177,16 +174,64 @@ def test_a_resumed_run_asks_for_new_pairs_only(monkeypatch: pytest.MonkeyPatch) 
         assert (getattr(uninterrupted.friction, name) == getattr(resumed.friction, name)).all()
 
 
-def test_a_journal_without_pairs_still_resumes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_journal_without_pairs_still_resumes() -> None:
     """One of an earlier version: its pairs are asked again."""
-    whole = Memory([])
-    monkeypatch.setattr("macrofit.assembly.build", lambda *_: Counted(rough, "tiles"))
-    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole)
+    whole, columns = Memory([]), [f"friction.{column}" for column in FieldState._fields]
+    provider = Counted(rough, "tiles")
+    uninterrupted = solve(small_press(), MPI.COMM_SELF, journal=whole, friction=provider)
     old = [
-        (record, {name: values for name, values in state.items() if not name.startswith("friction.")})
+        (record, {name: values for name, values in state.items() if name not in columns})
         for record, state in whole.kept[:6]
     ]
-    assert_same_bits(uninterrupted, solve(small_press(), MPI.COMM_SELF, journal=Memory(old)))
+    assert_same_bits(uninterrupted, solve(small_press(), MPI.COMM_SELF, journal=Memory(old), friction=provider))
+
+
+def test_a_journal_is_of_one_friction() -> None:
+    """That of an object is resumed neither with the scene's own friction nor with another digest, nor the reverse."""
+    first, other, own = Counted(rough, "tiles"), Counted(rough, "tiles"), Memory([])
+    other.digest = "another rule"
+    whole = Memory([])
+    solve(small_press(), MPI.COMM_SELF, journal=whole, friction=first)
+    solve(small_press(), MPI.COMM_SELF, journal=own)
+    for kept, friction in ((whole, None), (whole, other), (own, first)):
+        with pytest.raises(ProviderError, match="another friction provider"):
+            solve(small_press(), MPI.COMM_SELF, journal=Memory(kept.kept[:6]), friction=friction)
+
+
+def test_an_object_without_a_digest_keeps_no_journal() -> None:
+    nameless = Counted(rough, "tiles")
+    nameless.digest = ""
+    with pytest.raises(ProviderError, match=r"Counted' is an object without a digest"):
+        solve(small_press(), MPI.COMM_SELF, journal=Memory([]), friction=nameless)
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"), [(np.full(3, 0.1), "with shape"), (None, "not with real numbers"), (2.5, "a coefficient has")]
+)
+def test_the_answers_of_an_object_are_checked(answer: Any, told: str) -> None:
+    given = Counted(lambda pairs: np.full(pairs.seat.size, answer) if isinstance(answer, float) else answer, "tiles")
+    with pytest.raises(ProviderError, match=rf"test_friction_field_force:Counted.*{told}"):
+        solve(small_press(), MPI.COMM_SELF, friction=given)
+
+
+def test_options_and_their_class_are_as_good_as_a_provider(uniform: Solution) -> None:
+    """The scene that is handed back names what was given, so that no file tells of another friction."""
+    named = [f"friction.provider={Uniform.__module__}:Uniform", "friction.options.coefficient=0.11"]
+    for scene, given in ((small_press(*named), Uniform), (small_press(), Uniform(0.11))):
+        solution = solve(scene, MPI.COMM_SELF, friction=given)
+        assert_same_bits(solution, uniform)
+        assert solution.scene.friction.provider == "macrofit.friction.uniform:Uniform"
+        assert solution.scene.friction.options == {"coefficient": 0.11}
+        with pytest.raises(ProviderError, match="is an object of a script, not installed"):
+            solve(build_scene(msgspec.to_builtins(solution.scene)), MPI.COMM_SELF)
+
+
+def test_what_is_no_provider_is_refused() -> None:
+    with pytest.raises(ProviderError, match=r"friction = 0\.1: is no provider"):
+        solve(small_press(), MPI.COMM_SELF, friction=0.1)  # type: ignore[arg-type]
+    given = ["friction.provider=macrofit.friction.uniform:Uniform", "friction.options.coefficient=0.2"]
+    with pytest.raises(SceneError, match=r"friction\.options\.coefficient: cannot change"):
+        solve(small_press(*given), MPI.COMM_SELF, friction=Uniform(0.11))
 
 
 def test_the_uncertainty_of_a_facet(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def solver(monkeypatch):
 
     stop: dict[int, BaseException] = {}
 
-    def solve(scene, comm, monitor, journal):
+    def solve(scene, comm, monitor, journal, friction):
         kept = [record for record, _ in journal.records()]
         solution = fake_solution(scene)
         monitor.started(scene, len(solution.increments), solution.dofs)

@@ -15,7 +15,7 @@ from small import small_press
 from macrofit.cli import main
 from macrofit.errors import OutputError, ProviderError, SceneError
 from macrofit.friction import registry
-from macrofit.identify.fit import IdentificationError, fit, identify, neighbour_correlation
+from macrofit.identify.fit import IdentificationError, fit_parameter, identify, neighbour_correlation
 from macrofit.identify.measured import Measured, read_measured
 from macrofit.results.folder import CurveFile
 from macrofit.scene import Scene, dump_scene, load_scene
@@ -116,7 +116,7 @@ def test_a_linear_model_is_solved_exactly():
     rng = np.random.default_rng(5)
     base, slope = 3.0 + PLACES, 20.0 * PLACES
     measured = base + 0.3 * slope + 0.1 * rng.standard_normal(len(PLACES))
-    found = fit(lambda p: base + p * slope, measured, 0.1, (0.0, 1.0))
+    found = fit_parameter(lambda p: base + p * slope, measured, 0.1, (0.0, 1.0))
     best = float(slope @ (measured - base) / (slope @ slope))
     assert found.value == pytest.approx(best, rel=2e-4)  # the tolerance of a step
     residual = measured - base - best * slope
@@ -135,7 +135,7 @@ def test_the_stated_error_covers_the_truth():
     covered = 0
     for seed in range(400):
         noise = 0.01 * forward(truth).max() * np.random.default_rng(seed).standard_normal(len(PLACES))
-        found = fit(forward, forward(truth) + noise, 0.05, (0.0, 1.0))
+        found = fit_parameter(forward, forward(truth) + noise, 0.05, (0.0, 1.0))
         covered += abs(found.value - truth) <= 1.96 * found.standard_error
     assert abs(covered / 400 - 0.95) <= 3.0 * np.sqrt(0.95 * 0.05 / 400)
 
@@ -149,7 +149,7 @@ def test_correlated_residuals_widen_the_error():
         noise = np.zeros(len(x))
         for i in range(1, len(x)):
             noise[i] = 0.9 * noise[i - 1] + 0.01 * rng.standard_normal()
-        found = fit(lambda p: p * x, 0.3 * x + noise, 0.2, (0.0, 1.0))
+        found = fit_parameter(lambda p: p * x, 0.3 * x + noise, 0.2, (0.0, 1.0))
         plain += abs(found.value - 0.3) <= 1.96 * found.standard_error
         wide += abs(found.value - 0.3) <= 1.96 * found.standard_error_correlated
     assert plain < 65
@@ -160,12 +160,12 @@ def test_correlated_residuals_widen_the_error():
 @pytest.mark.parametrize(("truth", "side"), [(0.9, "upper bound 0.5"), (0.01, "lower bound 0.1")])
 def test_a_value_at_a_bound_is_an_error(truth, side):
     with pytest.raises(IdentificationError, match=side):
-        fit(lambda p: p * PLACES, truth * PLACES, 0.3, (0.1, 0.5))
+        fit_parameter(lambda p: p * PLACES, truth * PLACES, 0.3, (0.1, 0.5))
 
 
 def test_a_curve_that_does_not_depend_on_the_value():
     with pytest.raises(IdentificationError, match="does not depend on the parameter"):
-        fit(lambda p: PLACES, 2.0 * PLACES, 0.3, (0.1, 0.5))
+        fit_parameter(lambda p: PLACES, 2.0 * PLACES, 0.3, (0.1, 0.5))
 
 
 def test_a_trial_that_is_refused_is_taken_nearer():
@@ -176,9 +176,9 @@ def test_a_trial_that_is_refused_is_taken_nearer():
             raise ProviderError("seen up to 0.12 only")
         return (p - 0.04) * PLACES
 
-    assert fit(forward, 0.078 * PLACES, 0.05, (0.0, 0.5)).value == pytest.approx(0.118, rel=1e-4)
+    assert fit_parameter(forward, 0.078 * PLACES, 0.05, (0.0, 0.5)).value == pytest.approx(0.118, rel=1e-4)
     with pytest.raises(IdentificationError, match=r"seen up to 0\.12 only"):
-        fit(forward, 0.2 * PLACES, 0.05, (0.0, 0.5))
+        fit_parameter(forward, 0.2 * PLACES, 0.05, (0.0, 0.5))
 
 
 # with the solver
@@ -267,3 +267,17 @@ def test_a_mistake_is_one_line_and_code_2(scene_file, arguments, message):
     assert shown.exit_code == 2, shown.stderr
     assert message in shown.stderr
     assert shown.stderr.count("\n") == 1
+
+
+def test_a_law_of_a_script_is_identified(scene_file: Path) -> None:
+    """Its class, an option of which is sought; an object has no options left, but the scene has other keys."""
+    micro = {"micro_friction": 0.06, "ripple": 0.0}
+    measured = curve(small_press("friction.provider=rippled", "friction.options={micro_friction=0.06, ripple=0.0}"))
+    found = identify(scene_file, measured, ["friction.options.ripple=0.0"], friction=rippled.Rippled)
+    assert found.fit.value == pytest.approx(0.06, abs=1e-4)
+    assert found.scene.friction.provider == "rippled:Rippled"
+    given = rippled.Rippled(**micro)
+    with pytest.raises(SceneError, match="rippled:Rippled: is an object whose options cannot be identified"):
+        identify(scene_file, measured, friction=given)
+    found = identify(scene_file, measured, key="wheel.bore_radius", bounds=(94.6, 94.9), friction=given)
+    assert found.fit.value == pytest.approx(load_scene(scene_file).wheel.bore_radius, abs=1e-4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import msgspec
 import pytest
 
 from macrofit.errors import SceneError
-from macrofit.scene import build_scene, dump_scene, load_scene, scene_names
+from macrofit.scene import build_scene, dump_scene, json_schema, load_scene, scene_names
 
 
 def keys(table: dict[str, Any], prefix: str = "") -> list[str]:
@@ -150,3 +151,47 @@ def test_displacements_end_at_the_travel() -> None:
     assert scene.displacements == (1.5, 2.5, 3.5, 4.0)
     assert load_scene("wheelset").displacements[-2:] == (179.0, 180.0)
     assert len(load_scene("wheelset").displacements) == 181
+
+
+def schema_keys() -> dict[str, dict[str, Any]]:
+    tables = json_schema()["$defs"]
+    return {f"{name}.{key}": it for name, table in tables.items() for key, it in table["properties"].items()}
+
+
+def test_the_schema_says_what_every_key_is() -> None:
+    """In words, and for a number with its unit; [-] where it has none."""
+    assert json_schema()["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    keys = schema_keys()
+    assert len(keys) > 60
+    assert [name for name, key in keys.items() if len(key.get("description", "")) < 14] == []
+    numbers = [name for name, key in keys.items() if "number" in str(key) or "integer" in str(key)]
+    assert [name for name in numbers if not re.search(r"\[.+\]", keys[name]["description"])] == []
+
+
+def test_the_schema_bounds_every_number_that_one_key_can_bound() -> None:
+    free = {"Hub.web_offset", "Motion.start", "Motion.travel", "Motion.displacements", "OutputKeys.fields_at"}
+    keys = schema_keys()
+    numbers = {name for name, key in keys.items() if "'number'" in str(key) or "'integer'" in str(key)}
+    assert {name for name in numbers if "inimum" not in str(keys[name])} == free
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("axle.seat_radius=-1", "axle.seat_radius: -1 must be positive"),
+        ("axle.lead_radius=0.0", "axle.lead_radius: 0.0 must be positive"),
+        ("wheel.rim_width=-2.5", "wheel.rim_width: -2.5 must not be negative"),
+        ("axle.material.poisson_ratio=0.5", "axle.material.poisson_ratio: 0.5 must be below 0.5"),
+        ("wheel.material.youngs_modulus=0", "wheel.material.youngs_modulus: 0 must be positive"),
+        ("motion.max_cutbacks=-1", "motion.max_cutbacks: -1 must not be negative"),
+        ("motion.displacements=[]", "motion.displacements: is empty"),
+        ("axle.seat_radius=nan", "axle.seat_radius: nan is not a finite number"),
+        ("motion.travel=inf", "motion.travel: inf is not a finite number"),
+        ("motion.displacements=[0.0, nan]", "motion.displacements: nan is not a finite number"),
+        ("mesh.seat_facet='1'", "mesh.seat_facet: expected `float`, got `str`"),
+    ],
+)
+def test_a_bound_is_said_in_one_line(override: str, told: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene("wheelset", [override])
+    assert str(caught.value) == told

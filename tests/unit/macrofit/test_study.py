@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -17,12 +18,13 @@ from small import small_press
 
 from macrofit.assembly import assemble
 from macrofit.cli import main
-from macrofit.errors import SceneError
+from macrofit.errors import ProviderError, SceneError
 from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
+from macrofit.study.run import carry_out_study
 from macrofit.study.statistics import statistics
 
 PROGRAM = Path(rippled.__file__)
@@ -344,3 +346,31 @@ def test_the_folder_of_something_else_is_refused(scene_file):
     shown = macrofit("study", scene_file, "--vary", "motion.travel=30", "-o", scene_file.parent)
     assert shown.exit_code == 2
     assert "is not empty" in shown.stderr
+
+
+def test_a_law_of_a_script_is_studied(scene_file):
+    """Its class, whose options vary, beside an installed reference; resumed by its digest; refused without one."""
+
+    class Stated(rippled.Rippled, frozen=True):
+        digest: ClassVar[str] = "1"
+
+    def study(friction, *, resume, keep=False, vary=f"{SEED}=1,2"):
+        plan = plan_study(scene_file, [vary], ["output.stress=false"], ["uniform=0.11"], friction=friction)
+        carry_out_study(plan, MPI.COMM_SELF, Path("out"), resume=resume, keep=keep, quiet=True)
+        return totals(Path("out"))["computed_runs"], totals(Path("out"))["resumed_runs"]
+
+    assert study(Stated, resume=False) == (3, 0)
+    by_name = macrofit(
+        "study", scene_file, *RIPPLED, "--set", "output.stress=false", "--vary", f"{SEED}=1,2", "-o", "n"
+    )
+    assert by_name.exit_code == 0
+    forces = [[row["peak_force_N"] for row in rows(Path(folder))][-2:] for folder in ("out", "n")]
+    assert forces[0] == forces[1]
+    assert study(Stated, resume=True) == (0, 3)
+    Stated.digest = "2"
+    assert study(Stated, resume=True) == (2, 1)
+    assert study(Stated(), resume=False, keep=True, vary="motion.increment=5,10") == (3, 0)
+    with pytest.raises(ProviderError, match="Rippled' is an object without a digest"):
+        study(rippled.Rippled, resume=False)
+    with pytest.raises(SceneError, match=r"friction\.options\.seed: cannot change"):
+        study(Stated(), resume=False)
