@@ -243,7 +243,8 @@ def room(name: str) -> str:
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """The groups of more than one node that reach each other (Tarjan's, by closures: graphs are small)."""
     reach = {node: reachable(graph, node) for node in graph}
-    groups = {frozenset(other for other in reach[node] if node in reach[other]) for node in graph if node in reach[node]}
+    looped = [node for node in graph if node in reach[node]]
+    groups = {frozenset(other for other in reach[node] if node in reach[other]) for node in looped}
     return sorted(sorted(group) for group in groups if len(group) > 1)
 
 
@@ -346,9 +347,7 @@ def flat_files(packages: Sequence[Package]) -> Measure:
 def median_length(packages: Sequence[Package], bar: float = 9.0) -> Measure:
     """Half of the functions of each package are no longer than this."""
     values = [median(length(node) for _, node in package.functions) for package in packages]
-    return Measure(
-        "median function [lines]", tuple(f"{v:g}" for v in values), f"<= {bar:g}", (), max(values) <= bar
-    )
+    return Measure("median function [lines]", tuple(f"{v:g}" for v in values), f"<= {bar:g}", (), max(values) <= bar)
 
 
 def measures(root: Path = ROOT) -> list[Measure]:
@@ -373,7 +372,11 @@ def measures(root: Path = ROOT) -> list[Measure]:
             [len(package.public()) for package in packages],
             0.97,
         ),
-        counted(f'docstrings that begin with "Of" or are under {SHORT_DOCSTRING} letters', packages, Package.poor_docstrings),
+        counted(
+            f'docstrings that begin with "Of" or are under {SHORT_DOCSTRING} letters',
+            packages,
+            Package.poor_docstrings,
+        ),
         none_of(f"records of {WIDE_RECORD} fields and more made by position", positional_records(packages, callers)),
         counted("import circles of modules", packages, Package.circles),
         counted("import circles of rooms", packages, Package.room_circles),

@@ -14,7 +14,7 @@ from ..base.arrays import FloatArray
 from ..bodies.geometry import Sizes, draw
 from ..bodies.mesh import read_mesh
 from ..errors import MacrofitError
-from ..scene import MeshFile, Hub, Scene, Shaft
+from ..scene import Hub, MeshFile, Scene, Shaft
 
 if TYPE_CHECKING:
     from ..solution import Solution
