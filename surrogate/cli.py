@@ -94,9 +94,10 @@ def generate(
         if workers is None:
             return
         from .data.database import stock
-        from .data.generate import Design, plates
+        from .data.design import Design
         from .data.generate import generate as fill
         from .data.monitor import on_screen
+        from .data.sample import plates
 
         design = Design(max_height=(max_height[0], max_height[-1]), hurst_exponent=(hurst[0], hurst[-1]), **options)
         settings = plates((f"plates.spheres={spheres}", *overrides))
@@ -129,11 +130,11 @@ def farm(jobs: int | None) -> Iterator[Any]:
             if executor is None:
                 yield None
             else:
-                from .data.generate import Ranks
+                from .data.farm import Ranks
 
                 yield Ranks(executor, size - 1)
         return
-    from .data.generate import Here, Pool
+    from .data.farm import Here, Pool
 
     jobs = jobs or len(os.sched_getaffinity(0))
     yield Here() if jobs == 1 else Pool(jobs)
@@ -251,9 +252,9 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
-    from .evaluation.report import prediction_lines
+    from .evaluation.prediction import prediction_lines, write_pair
     from .network.predict import Predictor
-    from .pair import predict_pair, write_pair
+    from .pair import predict_pair
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")

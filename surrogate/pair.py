@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray
-from macrofit.base.files import replacing
 
 from .data.faces import from_file, generated
 from .errors import PredictionError
@@ -81,22 +79,3 @@ def predict_pair(
     none = np.zeros(len(micro), dtype=np.int64)
     answer = predictor(faces[0][None], faces[1][None], none, none, micro)
     return Pair(faces[0], faces[1], micro, answer.mean, answer.spread, bool(answer.held.all()), said)
-
-
-def write_pair(pair: Pair, target: Path) -> None:
-    """A figure (.png) or a table (.csv) of it.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    if target.suffix == ".png":
-        from .evaluation.plots import prediction
-
-        prediction(pair, target)
-        return
-    columns = np.stack([pair.micro, pair.mean, pair.spread, pair.mean - pair.half, pair.mean + pair.half])
-    with replacing(target) as draft, draft.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["micro_friction", "meso_friction", "standard_deviation", "low_90", "high_90"])
-        for values in columns.T:
-            rows.writerow([f"{value:.6g}" for value in values])

@@ -12,7 +12,9 @@ from macrofit.base.figure import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, sa
 
 from ..network.train import QUANTILE
 from ..pair import Pair
-from .run import Measured, Predicted, constant_ratio, errors
+from .errors import errors
+from .measured import Measured
+from .predicted import Predicted, constant_ratio
 
 SHOWN = 0.07
 """Micro coefficient of the paper's figure."""

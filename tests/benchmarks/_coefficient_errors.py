@@ -17,7 +17,8 @@ from macrofit.friction import BuildContext, StatesUncertainty, TilePairs, build
 from macrofit.solution import PairFrictionMap, Solution
 from surrogate.data.samples import Samples
 from surrogate.data.table import read_table
-from surrogate.evaluation.run import measured, predicted
+from surrogate.evaluation.measured import measured
+from surrogate.evaluation.predicted import predicted
 from surrogate.network.dataset import pairs
 from surrogate.network.predict import Predictor
 from surrogate.network.shipped import EVALUATION

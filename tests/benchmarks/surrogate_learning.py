@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from surrogate.data.database import Samples, read
-from surrogate.evaluation.run import take
+from surrogate.evaluation.measured import take
 from surrogate.network.dataset import folds, pairs
 from surrogate.network.train import Scores, score, train
 
@@ -78,9 +78,9 @@ def main(words: Sequence[str]) -> int:
 
 def draw(curves: dict[str, list[tuple[int, float, float]]], target: Path) -> None:
     """Error over the number of pairs."""
-    from surrogate.evaluation.plots import BLUE, GREEN, ORANGE, save, sheet
+    from macrofit.base.figure import BLUE, GREEN, ORANGE, save, sheet
 
-    figure, axes = sheet(6.0, 3.8)
+    figure, (axes,) = sheet(6.0, 3.8)
     for (name, rows), colour in zip(curves.items(), (BLUE, GREEN, ORANGE), strict=False):
         size, mean, wide = np.array(rows).T
         axes.errorbar(size, mean, wide, fmt="o-", ms=4, lw=1.4, capsize=2, color=colour, label=name)

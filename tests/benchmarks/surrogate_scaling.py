@@ -24,9 +24,12 @@ import numpy as np
 import torch
 
 from surrogate.data.database import Samples, content_hash, open_database, read
+from surrogate.data.design import Design
 from surrogate.data.faces import generated
-from surrogate.data.generate import Design, Here, generate, plates
-from surrogate.evaluation.run import take
+from surrogate.data.farm import Here
+from surrogate.data.generate import generate
+from surrogate.data.sample import plates
+from surrogate.evaluation.measured import take
 from surrogate.network.predict import Predictor
 
 from ._database import TOY, made_up
@@ -47,7 +50,7 @@ import time, torch
 from pathlib import Path
 import numpy as np
 from surrogate.data.database import read
-from surrogate.evaluation.run import take
+from surrogate.evaluation.measured import take
 from surrogate.network.train import train
 torch.set_num_threads(1)
 

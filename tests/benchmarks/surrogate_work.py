@@ -23,7 +23,7 @@ import torch
 
 from surrogate.data.database import Samples, read
 from surrogate.data.faces import generated
-from surrogate.evaluation.run import take
+from surrogate.evaluation.measured import take
 from surrogate.network.dataset import folds, pairs
 from surrogate.network.model import Energy
 from surrogate.network.train import Trained, score, train

@@ -18,19 +18,10 @@ from surrogate.data.database import Database, Header, Samples
 from surrogate.data.faces import from_file, generated
 from surrogate.data.table import open_samples, read_table, write_table
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
-from surrogate.evaluation.run import (
-    Predicted,
-    constant_ratio,
-    coverage,
-    errors,
-    evaluation,
-    foundation_alone,
-    measured,
-    predicted,
-    report,
-    slope_r2,
-    unseen,
-)
+from surrogate.evaluation.errors import coverage, errors, slope_r2
+from surrogate.evaluation.measured import measured, unseen
+from surrogate.evaluation.predicted import Predicted, constant_ratio, foundation_alone, predicted
+from surrogate.evaluation.run import evaluation, report
 from surrogate.network.checkpoint import load, save
 from surrogate.network.dataset import pairs
 from surrogate.network.train import predict as ask

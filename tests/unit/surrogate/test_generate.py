@@ -17,8 +17,11 @@ import pytest
 from meso.friction_test import run
 from meso.plates import rough_face
 from surrogate.data.database import read
-from surrogate.data.generate import FINEST, FRICTION_RANGE, Design, Here, Pool, generate, header_of, plates
+from surrogate.data.design import FINEST, FRICTION_RANGE, Design
+from surrogate.data.farm import Here, Pool
+from surrogate.data.generate import generate
 from surrogate.data.journal import journal_of
+from surrogate.data.sample import header_of, plates
 from surrogate.errors import DatabaseError, DesignError
 
 SMALL = plates(["plates.spheres=500", "engine.samples=40"])
@@ -201,7 +204,7 @@ def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
     def broken(settings: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("surrogate.data.generate.run", broken)
+    monkeypatch.setattr("surrogate.data.sample.run", broken)
     with pytest.raises(ZeroDivisionError):
         generate(tmp_path / "a.h5", Design(), SMALL, 1, Here())
 
