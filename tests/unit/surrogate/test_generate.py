@@ -21,7 +21,7 @@ from surrogate.data.design import FINEST, FRICTION_RANGE, Design
 from surrogate.data.farm import Here, Pool
 from surrogate.data.generate import generate
 from surrogate.data.journal import journal_of
-from surrogate.data.sample import header_of, plates
+from surrogate.data.sample import design_tasks, header_of, plates
 from surrogate.errors import DatabaseError, DesignError
 
 SMALL = plates(["plates.spheres=500", "engine.samples=40"])
@@ -92,7 +92,7 @@ def test_more_pairs_and_other_surfaces_continue_one_design():
 
 def test_a_split_by_pair_is_a_split_by_seed():
     design = Design(first_surface=100, first_packing=50, packings=3)
-    tasks = list(design.tasks(SMALL, 40, header_of(design, SMALL)))
+    tasks = list(design_tasks(design, SMALL, 40, header_of(design, SMALL)))
     assert [task.id for task in tasks] == list(range(120))
     for task in tasks:
         surface, packing = task.settings.surface, task.settings.plates.packing_seed
