@@ -13,9 +13,9 @@ from macrofit.base.arrays import FloatArray
 from ..errors import DesignError
 
 FRICTION_RANGE = (0.01, 0.09)
-"""Of the micro coefficients of a design [-]; each pair takes one of every equal part of it."""
-FINEST = 5
-"""Levels; the 33 points of a matrix along an edge leave out nothing of 2^n + 1 up to here."""
+"""Range of the micro coefficients of a design [-]; each pair takes one of every equal part of it."""
+FINEST_LEVEL = 5
+"""Largest number of levels: the 33 points of a matrix along an edge leave out nothing of 2^n + 1 up to here."""
 
 
 class Design(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,19 +27,22 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     seed: int = 0
-    """Of the scrambling."""
+    """Seed of the scrambling."""
     first_surface: int = 0
+    """Seed of the surfaces of the first pair."""
     first_packing: int = 0
-    """Packings have the seeds from here on; see `packing_seed`."""
+    """Smallest seed of a packing; see `packing_seed`."""
     packings: int = 1
-    """Of the same pair of surfaces."""
+    """Packings of the same pair of surfaces."""
     packing_seeds: int = 256
     """Flat packings, of two plates each, that share the pairs. With 16 of them a network of envelopes learns these very
     spheres: its error on others was 0.86 % where cross-validation among them had promised 0.62 %."""
     max_height: tuple[float, float] = (0.005, 0.04)
     """R, log-uniform [mm]."""
     levels: tuple[int, ...] = (3, 4)
+    """Numbers of subdivisions, each as likely."""
     hurst_exponent: tuple[float, float] = (0.5, 1.0)
+    """H, uniform [-]."""
     micro_friction: int | tuple[float, ...] = 2
     """How many, one in each part of FRICTION_RANGE; or the coefficients themselves, the same for all pairs."""
 
@@ -59,19 +62,23 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             raise DesignError(f"--max-height = {self.max_height}: take two heights in mm, 0 < the lower <= the upper")
         if not 0.0 <= self.hurst_exponent[0] <= self.hurst_exponent[1] <= 1.0:
             raise DesignError(f"--hurst = {self.hurst_exponent}: take two exponents, 0 <= the lower <= the upper <= 1")
-        if not self.levels or not all(1 <= level <= FINEST for level in self.levels):
-            raise DesignError(f"--levels = {self.levels}: take one or more of 1 ... {FINEST}")
+        if not self.levels or not all(1 <= level <= FINEST_LEVEL for level in self.levels):
+            raise DesignError(f"--levels = {self.levels}: take one or more of 1 ... {FINEST_LEVEL}")
         given = self.micro_friction
         if isinstance(given, tuple) and (list(given) != sorted(set(given)) or not all(0 <= mu <= 2 for mu in given)):
             raise DesignError(f"--micro-friction = {given}: take rising numbers from 0 to 2")
 
     @property
     def count(self) -> int:
-        """k, micro coefficients per sample."""
+        """Number of micro coefficients per sample, k."""
         return self.micro_friction if isinstance(self.micro_friction, int) else len(self.micro_friction)
 
     def points(self, pairs: int) -> list[Point]:
-        """The first pairs of the design; more pairs have the same beginning."""
+        """The first pairs of the design; more pairs have the same beginning.
+
+        Raises:
+            DesignError: there are not so many pairs.
+        """
         if not 1 <= pairs <= 2**30 - self.first_surface:
             raise DesignError(f"--pairs = {pairs}: take 1 ... {2**30 - self.first_surface}")
         sequence = qmc.Sobol(3 + self.count, scramble=True, seed=self.seed)
@@ -82,6 +89,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             return [self._point(u) for u in sequence.random(pairs)]
 
     def _point(self, u: FloatArray) -> Point:
+        """The pair at a point of the unit cube."""
         low, high = self.max_height
         given = self.micro_friction
         if isinstance(given, int):
@@ -95,7 +103,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def packing_seed(self, pair: int, packing: int) -> int:
-        """A block of `packings` seeds for each pair in turn, so that pairs share all their packings or none."""
+        """Seed of a packing: a block of them for each pair in turn, so that pairs share all their packings or none."""
         blocks = max(1, self.packing_seeds // self.packings)
         return self.first_packing + (pair % blocks) * self.packings + packing
 
@@ -104,6 +112,10 @@ class Point(msgspec.Struct, frozen=True, kw_only=True):
     """What the design chooses for a pair."""
 
     max_height: float
+    """R [mm]."""
     levels: int
+    """Subdivisions of a surface, n."""
     hurst_exponent: float
+    """H [-]."""
     micro_friction: tuple[float, ...]
+    """Micro coefficients [-], rising."""

@@ -1,7 +1,8 @@
 """Fill a database with friction tests of rough plates.
 
     design = Design(max_height=(0.005, 0.04))
-    generate(Path("train.h5"), design, plates(["plates.spheres=3000"]), pairs=1000, farm=Pool(2))
+    settings = plate_settings(["plates.spheres=3000"])
+    generate_samples(Path("train.h5"), design, settings, pairs=1000, farm=Pool(2))
 
 Sample `id` = packings x pair + packing. A sample depends on its place in the design alone, so whatever is killed goes
 on with the same call, by any number of workers.
@@ -23,17 +24,25 @@ if TYPE_CHECKING:
     from meso.settings import Settings
 
 
-def generate(
+def generate_samples(
     path: Path, design: Design, settings: Settings, pairs: int, farm: Farm, monitor: FarmMonitor | None = None
 ) -> None:
     """Add to a database what it lacks of the first pairs of a design.
 
     A sample that failed before is not tried again.
 
+    Args:
+        path: the database, new or begun before.
+        design: which samples there are.
+        settings: settings of the plates.
+        pairs: how many pairs of the design, from the first.
+        farm: who computes.
+        monitor: told about samples as they end.
+
     Raises:
         DesignError: the design asks for what cannot be.
         DatabaseError: see `open_database`.
-        SurrogateError: see `Pool`.
+        SurrogateError: a process of the farm was killed.
     """
     monitor = monitor or Silent()
     header = header_of(design, settings)

@@ -20,10 +20,10 @@ from meso.settings import load as load_settings
 
 from ..errors import DesignError
 from .design import Design
-from .faces import heights
+from .faces import sampled_heights
 from .samples import Header
 
-DESIGNED = {
+KEYS_OF_DESIGN = {
     "surface.generator": "surfaces are of Diamond-Square",
     "surface.rms_height": "surfaces are of Diamond-Square",
     "surface.wheel_seed": "it is --first-surface plus the number of the pair",
@@ -34,7 +34,7 @@ DESIGNED = {
     "plates.packing_seed": "it follows from --first-packing",
     "contact.micro_friction": "it is --micro-friction",
 }
-"""Keys of the plates that belong to the design, and what sets them."""
+"""Keys of the plates' settings that belong to the design, and what sets them."""
 
 
 @dataclass(frozen=True)
@@ -55,27 +55,27 @@ class Result:
     reason: str = ""
 
 
-def design_tasks(design: Design, plates: Settings, pairs: int, header: Header) -> Iterator[Task]:
-    """All samples of the first pairs, by id."""
+def design_tasks(design: Design, settings: Settings, pairs: int, header: Header) -> Iterator[Task]:
+    """All samples of the first pairs of a design, by id."""
     for pair, point in enumerate(design.points(pairs)):
         seed = design.first_surface + pair
         surface = msgspec.structs.replace(
-            plates.surface,
+            settings.surface,
             wheel_seed=seed,
             axle_seed=seed,
             levels=point.levels,
             max_height=point.max_height,
             hurst_exponent=point.hurst_exponent,
         )
-        contact = msgspec.structs.replace(plates.contact, micro_friction=point.micro_friction)
+        contact = msgspec.structs.replace(settings.contact, micro_friction=point.micro_friction)
         for packing in range(design.packings):
-            packed = msgspec.structs.replace(plates.plates, packing_seed=design.packing_seed(pair, packing))
-            settings = msgspec.structs.replace(plates, surface=surface, plates=packed, contact=contact)
-            yield Task(design.packings * pair + packing, settings, header)
+            packed = msgspec.structs.replace(settings.plates, packing_seed=design.packing_seed(pair, packing))
+            changed = msgspec.structs.replace(settings, surface=surface, plates=packed, contact=contact)
+            yield Task(design.packings * pair + packing, changed, header)
 
 
-def plates(overrides: Iterable[str] = ()) -> Settings:
-    """Settings of the plates, changed by `key=value` with dotted keys that are not the design's.
+def plate_settings(overrides: Iterable[str] = ()) -> Settings:
+    """Read settings of the plates, changed by `key=value` with dotted keys that are not the design's.
 
     Raises:
         DesignError: naming the key.
@@ -87,7 +87,7 @@ def plates(overrides: Iterable[str] = ()) -> Settings:
         raise DesignError(f"--set {error}") from None
     named = {override.partition("=")[0].strip() for override in overrides}
     plain = Settings()
-    for key, instead in DESIGNED.items():
+    for key, instead in KEYS_OF_DESIGN.items():
         table, _, name = key.partition(".")
         if key in named or getattr(getattr(settings, table), name) != getattr(getattr(plain, table), name):
             raise DesignError(f"--set {key}: leave it out, {instead}")
@@ -95,7 +95,7 @@ def plates(overrides: Iterable[str] = ()) -> Settings:
 
 
 def header_of(design: Design, settings: Settings) -> Header:
-    """What all samples of a design share."""
+    """Compile what all samples of a design share."""
     options: dict[str, Any] = msgspec.to_builtins(design)
     options["first_point"] = msgspec.to_builtins(design.points(1)[0])  # another scipy may scramble otherwise
     return Header(
@@ -131,8 +131,8 @@ def simulate(task: Task) -> Result:
         "levels": surface.levels,
         "max_height": surface.max_height,
         "hurst_exponent": surface.hurst_exponent,
-        "wheel": heights(test.plates.wheel_packing.surface, header.points),
-        "axle": heights(test.plates.axle_packing.surface, header.points),
+        "wheel": sampled_heights(test.plates.wheel_packing.surface, header.points),
+        "axle": sampled_heights(test.plates.axle_packing.surface, header.points),
         "wheel_envelope": test.plates.wheel_packing.envelope((across, across)),
         "axle_envelope": test.plates.axle_packing.envelope((along, across)),
         "micro_friction": [slide.micro_friction for slide in test.slides],

@@ -16,19 +16,19 @@ import numpy as np
 
 from macrofit.base.arrays import FloatArray
 
-from ..network.train import QUANTILE
-from .measured import Measured
-from .predicted import Predicted
+from ..network.score import QUANTILE_90
+from .measured import MeasuredPairs
+from .predicted import PredictedPairs
 
 
-def errors(data: Measured, said: Predicted) -> tuple[FloatArray, FloatArray]:
+def relative_errors(data: MeasuredPairs, predicted: PredictedPairs) -> tuple[FloatArray, FloatArray]:
     """Relative errors against each packing (n, p, k), and of the mean over packings against theirs (n, k)."""
-    one = np.abs(said.mean - data.meso) / np.abs(data.meso)
+    one = np.abs(predicted.mean - data.meso) / np.abs(data.meso)
     mean = data.meso.mean(1)
-    return one, np.abs(said.mean.mean(1) - mean) / np.abs(mean)
+    return one, np.abs(predicted.mean.mean(1) - mean) / np.abs(mean)
 
 
-def slope_r2(data: Measured, said: Predicted) -> float:
+def slope_r2(data: MeasuredPairs, predicted: PredictedPairs) -> float:
     """R2 of b in mu = a mu_micro + b against each packing; b through the ends of the micro coefficients."""
 
     def b(mu: FloatArray) -> FloatArray:
@@ -36,11 +36,11 @@ def slope_r2(data: Measured, said: Predicted) -> float:
         return np.asarray(mu[..., 0] - a * data.micro[0])
 
     true = b(data.meso)
-    return float(1.0 - np.sum((b(said.mean) - true) ** 2) / np.sum((true - true.mean()) ** 2))
+    return float(1.0 - np.sum((b(predicted.mean) - true) ** 2) / np.sum((true - true.mean()) ** 2))
 
 
-def coverage(data: Measured, said: Predicted) -> FloatArray:
+def coverage(data: MeasuredPairs, predicted: PredictedPairs) -> FloatArray:
     """Share of all packings inside the stated 90 % interval, (k,)."""
-    assert said.spread is not None
-    inside = np.abs(said.mean - data.meso) <= QUANTILE * said.spread
+    assert predicted.spread is not None
+    inside = np.abs(predicted.mean - data.meso) <= QUANTILE_90 * predicted.spread
     return np.asarray(inside.mean(axis=(0, 1)))

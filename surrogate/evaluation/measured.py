@@ -15,25 +15,25 @@ from ..network.checkpoint import Provenance
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPairs:
     """Friction tests of n pairs of surfaces, p packings each, with k micro coefficients."""
 
     samples: Samples
     """Pair by pair, the packings of each one after the other, (n p,)."""
     micro: FloatArray
-    """(k,), the same for all pairs."""
+    """Micro coefficients, (k,), the same for all pairs."""
     meso: FloatArray
-    """(n, p, k)."""
-    held: BoolArray
-    """Whether contact was held all along, (n, p)."""
+    """Meso coefficients, (n, p, k)."""
+    in_contact: BoolArray
+    """Whether contact was kept along the whole slide, (n, p)."""
 
     @property
     def packings(self) -> int:
-        """p."""
+        """Number of packings of each pair, p."""
         return self.meso.shape[1]
 
     def spread_out(self, answers: FloatArray) -> FloatArray:
-        """Answers (n, k) or (n p, k) as (n, p, k)."""
+        """Shape answers (n, k) or (n p, k) as (n, p, k)."""
         n, p, k = self.meso.shape
         return np.broadcast_to(answers.reshape(n, -1, k), (n, p, k))
 
@@ -54,8 +54,8 @@ class Measured:
         return np.asarray(np.mean(np.mean(apart, axis=0) / np.sqrt(2.0) / np.abs(self.meso.mean(1)), axis=0))
 
 
-def measured(samples: Samples) -> Measured:
-    """The samples by pair of surfaces and packing.
+def arrange_tests(samples: Samples) -> MeasuredPairs:
+    """Arrange the samples by pair of surfaces and packing.
 
     Raises:
         EvaluationError: pairs with different micro coefficients, or different numbers of packings.
@@ -75,16 +75,16 @@ def measured(samples: Samples) -> Measured:
             "pairs have different micro coefficients: generate with --micro-friction 0.03,0.05,0.07,0.09"
         )
     order = np.argsort(pair, kind="stable").reshape(len(first), -1)  # (n, p), by id
-    return Measured(
-        samples=take(samples, order.ravel()),
+    return MeasuredPairs(
+        samples=select_samples(samples, order.ravel()),
         micro=micro[0],
         meso=samples.meso_friction[order],
-        held=np.all(samples.minimum_normal > 0.0, axis=1)[order],
+        in_contact=np.all(samples.minimum_normal > 0.0, axis=1)[order],
     )
 
 
-def unseen(samples: Samples, provenance: Provenance) -> None:
-    """Nothing, where no surface was there in training and, for a network of envelopes, no packing either.
+def require_unseen(samples: Samples, provenance: Provenance) -> None:
+    """Refuse samples whose surfaces, or for a network of envelopes whose packings, were there in training.
 
     Raises:
         EvaluationError: naming a seed.
@@ -102,6 +102,6 @@ def unseen(samples: Samples, provenance: Provenance) -> None:
             )
 
 
-def take(samples: Samples, rows: IntArray) -> Samples:
-    """Some of the samples, in the order of `rows`."""
+def select_samples(samples: Samples, rows: IntArray) -> Samples:
+    """Select some of the samples, in the order of `rows`."""
     return Samples(**{name: column[rows] for name, column in vars(samples).items()})

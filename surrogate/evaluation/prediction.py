@@ -9,10 +9,10 @@ import numpy as np
 
 from macrofit.base.files import replacing
 
-from ..pair import Pair
+from ..pair import PairPrediction
 
 
-def prediction_lines(pair: Pair) -> list[str]:
+def prediction_lines(pair: PairPrediction) -> list[str]:
     """What a network says about one pair of faces."""
     roughness = ", ".join(
         f"{name} {1e3 * face.std():.2f} µm" for name, face in (("wheel", pair.wheel), ("axle", pair.axle))
@@ -20,21 +20,21 @@ def prediction_lines(pair: Pair) -> list[str]:
     lines = [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
     for micro, mean, half in zip(pair.micro, pair.mean, pair.half, strict=True):
         lines.append(f"  {micro:<8g}  {mean:.4f}    {mean - half:.4f} ... {mean + half:.4f}")
-    if not pair.held:
+    if not pair.in_contact:
         lines.append("Contact         is probably lost somewhere along the slide; there errors are twice as large")
     return lines
 
 
-def write_pair(pair: Pair, target: Path) -> None:
+def write_prediction(pair: PairPrediction, target: Path) -> None:
     """A figure (.png) or a table (.csv) of it.
 
     Raises:
         OutputError: it cannot be written.
     """
     if target.suffix == ".png":
-        from .plots import prediction
+        from .plots import draw_prediction
 
-        prediction(pair, target)
+        draw_prediction(pair, target)
         return
     columns = np.stack([pair.micro, pair.mean, pair.spread, pair.mean - pair.half, pair.mean + pair.half])
     with replacing(target) as draft, draft.open("w", newline="") as file:

@@ -12,78 +12,89 @@ import numpy as np
 from macrofit.base.files import write_json
 
 from ..data.table import open_samples
-from ..network.checkpoint import load
+from ..network.checkpoint import load_checkpoint
 from . import plots
-from .errors import coverage, errors, slope_r2
-from .measured import Measured, measured, unseen
-from .predicted import Predicted, constant_ratio, foundation_alone, predicted
+from .errors import coverage, relative_errors, slope_r2
+from .measured import MeasuredPairs, arrange_tests, require_unseen
+from .predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
 
 
-def evaluation(
-    database: Path, network: Path, beside: Sequence[Path], folder: Path
+def evaluate_network(
+    database: Path, network: Path, compared: Sequence[Path], folder: Path
 ) -> tuple[dict[str, Any], list[Path]]:
     """Judge a network by a database or table, with others beside it; writes evaluation.json and three figures.
+
+    Args:
+        database: friction tests that no network here was trained on.
+        network: the checkpoint that is judged.
+        compared: further checkpoints.
+        folder: where the files are written.
 
     Returns:
         The content of evaluation.json, and the files written.
 
     Raises:
-        DatabaseError, CheckpointError: a file that cannot be read.
-        EvaluationError: as `unseen` and `measured`; or the folder cannot be written.
+        DatabaseError: the friction tests cannot be read.
+        CheckpointError: a network cannot be read.
+        EvaluationError: as `require_unseen` and `arrange_tests`.
+        OutputError: the folder cannot be written.
     """
     found = open_samples(database)
-    judged = [load(path) for path in (network, *beside)]
+    judged = [load_checkpoint(path) for path in (network, *compared)]
     for _, origin in judged:
-        unseen(found.samples, origin)
-    data = measured(found.samples)
+        require_unseen(found.samples, origin)
+    data = arrange_tests(found.samples)
     (model, provenance), *more = judged
-    said = predicted(model, provenance, data)
+    predicted = predict_tests(model, provenance, data)
     others = [foundation_alone(data, provenance.faces, found.header.plates.load)]
-    others += [predicted(another, origin, data) for another, origin in more]
+    others += [predict_tests(another, origin, data) for another, origin in more]
     others = [dataclasses.replace(one, name=name) for one, name in zip(others, _distinct(others), strict=True)]
-    about = {"network": network.name, "architecture": said.name, "faces": provenance.faces}
+    about = {"network": network.name, "architecture": predicted.name, "faces": provenance.faces}
     about |= {"database": database.name, "content_hash": found.content_hash}
-    result = report(data, said, others, about)
+    result = evaluation_report(data, predicted, others, about)
     target = folder / "evaluation.json"
     write_json(target, result)
     figures = [
-        plots.configurations(data, said, folder / "configurations.png"),
-        plots.scatter(data, said, folder / "scatter.png"),
-        plots.by_micro_friction(data, said, others, folder / "errors.png"),
+        plots.draw_configurations(data, predicted, folder / "configurations.png"),
+        plots.draw_scatter(data, predicted, folder / "scatter.png"),
+        plots.draw_errors(data, predicted, others, folder / "errors.png"),
     ]
     return result, [target, *figures]
 
 
-def _distinct(others: Sequence[Predicted]) -> list[str]:
+def _distinct(others: Sequence[PredictedPairs]) -> list[str]:
+    """Names of the others, the second of the same name with a 2 behind it."""
     names = [one.name for one in others]
     return [f"{name} {names[:i].count(name) + 1}" if name in names[:i] else name for i, name in enumerate(names)]
 
 
-def report(data: Measured, said: Predicted, others: list[Predicted], about: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of evaluation.json."""
+def evaluation_report(
+    data: MeasuredPairs, predicted: PredictedPairs, others: list[PredictedPairs], about: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Compile the content of evaluation.json."""
     floor, baseline = data.noise_floor, constant_ratio(data)
-    whole = _measures(data, said) | {
-        "baseline_mean_relative_error": float(errors(data, baseline)[0].mean()),
+    whole = _measures(data, predicted) | {
+        "baseline_mean_relative_error": float(relative_errors(data, baseline)[0].mean()),
         "noise_floor": _number(floor.mean()),
         "noise_floor_all_packings": _number(floor.mean() / np.sqrt(data.packings)),
     }
-    if said.spread is not None:
-        whole["coverage_90"] = float(coverage(data, said).mean())
+    if predicted.spread is not None:
+        whole["coverage_90"] = float(coverage(data, predicted).mean())
     by_micro = {}
     for k, micro in enumerate(data.micro):
-        row = _measures(data, said, k) | {
-            "baseline_mean_relative_error": float(errors(data, baseline)[0][..., k].mean()),
+        row = _measures(data, predicted, k) | {
+            "baseline_mean_relative_error": float(relative_errors(data, baseline)[0][..., k].mean()),
             "noise_floor": _number(floor[k]),
         }
-        if said.spread is not None:
-            row["coverage_90"] = float(coverage(data, said)[k])
+        if predicted.spread is not None:
+            row["coverage_90"] = float(coverage(data, predicted)[k])
         by_micro[f"{micro:g}"] = row | {other.name: _measures(data, other, k) for other in others}
     return {
         **about,
         "pairs": len(data.meso),
         "packings": data.packings,
         "samples": int(data.meso.size),
-        "lost_contact": int((~data.held).sum()),
+        "lost_contact": int((~data.in_contact).sum()),
         "largest_bend": float(data.bend.max()),
         "median_bend": float(np.median(data.bend)),
         **whole,
@@ -92,10 +103,11 @@ def report(data: Measured, said: Predicted, others: list[Predicted], about: Mapp
     }
 
 
-def _measures(data: Measured, said: Predicted, k: int | None = None) -> dict[str, float]:
-    one, all_packings = errors(data, said)
+def _measures(data: MeasuredPairs, predicted: PredictedPairs, k: int | None = None) -> dict[str, float]:
+    """Errors with their standard errors at one micro coefficient, or at all of them together."""
+    one, all_packings = relative_errors(data, predicted)
     if k is None:
-        of_pair, of_mean, r2 = one.mean(axis=(1, 2)), all_packings.mean(1), {"r2_b": slope_r2(data, said)}
+        of_pair, of_mean, r2 = one.mean(axis=(1, 2)), all_packings.mean(1), {"r2_b": slope_r2(data, predicted)}
     else:
         one, all_packings = one[..., k], all_packings[:, k]
         of_pair, of_mean, r2 = one.mean(1), all_packings, {}
@@ -110,5 +122,5 @@ def _measures(data: Measured, said: Predicted, k: int | None = None) -> dict[str
 
 
 def _number(value: float) -> float | None:
-    """JSON knows no nan."""
+    """A number for JSON, which knows no nan."""
     return float(value) if np.isfinite(value) else None
