@@ -1,1 +1,1 @@
-"""The network that replaces the rough plates. Still to come: see `macrofit-surrogate --help`."""
+"""Neural surrogate of meso: database, training, evaluation, provider."""

@@ -93,19 +93,20 @@ def generate(
     with farm(jobs) as workers:
         if workers is None:
             return
-        from .data.database import stock
-        from .data.generate import Design, plates
-        from .data.generate import generate as fill
+        from .data.database import describe_database
+        from .data.design import Design
+        from .data.generate import generate_samples as fill
         from .data.monitor import on_screen
+        from .data.sample import plate_settings
 
         design = Design(max_height=(max_height[0], max_height[-1]), hurst_exponent=(hurst[0], hurst[-1]), **options)
-        settings = plates((f"plates.spheres={spheres}", *overrides))
+        settings = plate_settings((f"plates.spheres={spheres}", *overrides))
         try:
             fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
         except KeyboardInterrupt:
             complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
             leave(INTERRUPTED)
-        for line in [] if quiet else stock(path):
+        for line in [] if quiet else describe_database(path):
             click.echo(line)
 
 
@@ -129,11 +130,11 @@ def farm(jobs: int | None) -> Iterator[Any]:
             if executor is None:
                 yield None
             else:
-                from .data.generate import Ranks
+                from .data.farm import Ranks
 
                 yield Ranks(executor, size - 1)
         return
-    from .data.generate import Here, Pool
+    from .data.farm import Here, Pool
 
     jobs = jobs or len(os.sched_getaffinity(0))
     yield Here() if jobs == 1 else Pool(jobs)
@@ -172,20 +173,20 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
-    from .data.database import read
+    from .data.database import read_database
     from .errors import TrainingError
     from .evaluation.curves import write_curves
-    from .network.checkpoint import save
-    from .network.train import train as fit
+    from .network.checkpoint import save_checkpoint
+    from .network.train import train_network as fit
 
     if path.suffix != ".safetensors":
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
     if not path.resolve().parent.is_dir():
         raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
-    found = read(database)
+    found = read_database(database)
     resume = path.with_suffix(".state.safetensors")
     trained = fit(found.samples, plates=found.header.plates, resume=resume, **options)
-    save(path, trained.model, trained.provenance)
+    save_checkpoint(path, trained.model, trained.provenance)
     label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
     written = [path, *write_curves(trained.curves, path.with_suffix(""), label)]
     if quiet:
@@ -221,12 +222,12 @@ def evaluate(database: Path | None, network: Path | None, beside: tuple[Path, ..
     program; without any network, the shipped one with the paper's architecture beside it.
     """
     from .evaluation.report import evaluation_lines
-    from .evaluation.run import evaluation
+    from .evaluation.run import evaluate_network
     from .network.shipped import EVALUATION, NETWORK, PAPER
 
     if network is None and not beside:
         beside = (PAPER,)
-    result, written = evaluation(database or EVALUATION, network or NETWORK, beside, folder)
+    result, written = evaluate_network(database or EVALUATION, network or NETWORK, beside, folder)
     for line in evaluation_lines(result):
         click.echo(line)
     click.echo(f"Wrote           {', '.join(map(str, written))}")
@@ -251,9 +252,9 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
-    from .evaluation.report import prediction_lines
+    from .evaluation.prediction import prediction_lines, write_prediction
     from .network.predict import Predictor
-    from .pair import predict_pair, write_pair
+    from .pair import predict_pair
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
@@ -263,7 +264,7 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
     for line in prediction_lines(pair):
         click.echo(line)
     if target is not None:
-        write_pair(pair, target)
+        write_prediction(pair, target)
         click.echo(f"Wrote           {target}")
 
 
@@ -272,11 +273,11 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="TABLE.csv", help="The table.")
 def table(database: Path, path: Path) -> None:
     """Write a database as a table of text: all but the heights, which follow from the seeds."""
-    from .data.database import read
+    from .data.database import read_database
     from .data.table import write_table
 
     if path.suffix != ".csv":
         raise click.UsageError(f"--output {path}: give a name that ends in .csv")
-    found = read(database)
+    found = read_database(database)
     write_table(found, path)
     click.echo(f"Wrote           {path}: {len(found.samples)} samples, {path.stat().st_size / 1e3:.0f} kB")

@@ -2,38 +2,40 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from macrofit.base.arrays import FloatArray
-from macrofit.base.files import replacing
+from macrofit.base.arrays import FloatArray, HeightArray
 
-from .data.faces import from_file, generated
+from .data.faces import generated_face, read_face
 from .errors import PredictionError
-from .network.checkpoint import outside
+from .network.checkpoint import outside_training
 from .network.predict import Predictor
-from .network.train import QUANTILE
+from .network.score import QUANTILE_90
+
+if TYPE_CHECKING:
+    from meso.surfaces.surface import Body
 
 
-@dataclass(frozen=True)
-class Pair:
+@dataclass(frozen=True, kw_only=True)
+class PairPrediction:
     """Two faces and the coefficients of their friction."""
 
-    wheel: npt.NDArray[np.float32]
+    wheel: HeightArray
     """Heights on 1 x 1 mm [mm], (n + 1, n + 1)."""
-    axle: npt.NDArray[np.float32]
+    axle: HeightArray
     """Heights on 2 x 1 mm [mm], (2 n + 1, n + 1)."""
     micro: FloatArray
-    """(k,)."""
+    """Micro coefficients (k,)."""
     mean: FloatArray
     """Meso coefficients (k,)."""
     spread: FloatArray
     """Their standard deviations (k,)."""
-    held: bool
+    in_contact: bool
     """Whether the network expects contact all along the slide; where it is lost, errors are largest."""
     outside: list[str]
     """What lies outside all that the network has learned from, in words."""
@@ -41,7 +43,7 @@ class Pair:
     @property
     def half(self) -> FloatArray:
         """Half the width of the 90 % interval, (k,)."""
-        return QUANTILE * self.spread
+        return QUANTILE_90 * self.spread
 
 
 def predict_pair(
@@ -54,8 +56,19 @@ def predict_pair(
     max_height: float,
     levels: int,
     hurst_exponent: float,
-) -> Pair:
-    """Faces, and the coefficients the network gives them.
+) -> PairPrediction:
+    """Make or read two faces, and predict the coefficients of their friction.
+
+    Args:
+        predictor: the network.
+        micro_friction: micro coefficients [-].
+        wheel: file of the wheel's face; None: it is generated.
+        axle: file of the axle's face; None: it is generated.
+        wheel_seed: seed of a generated wheel.
+        axle_seed: seed of a generated axle.
+        max_height: R of generated faces [mm].
+        levels: subdivisions of generated faces.
+        hurst_exponent: H of generated faces [-].
 
     Raises:
         PredictionError: a file or a key that gives no face; a network of envelopes.
@@ -67,36 +80,30 @@ def predict_pair(
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
     keys = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent}
     faces = [
-        from_file(file, body, about.points) if file is not None else generated(body, seed, **keys, points=about.points)  # type: ignore[arg-type]
-        for body, file, seed in (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
+        _face("wheel", wheel, wheel_seed, about.points, keys),
+        _face("axle", axle, axle_seed, about.points, keys),
     ]
-    said = []
+    findings = []
     if wheel is None or axle is None:
-        said += outside(about, **keys)
+        findings += outside_training(about, **keys)
     highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
     if (wheel is not None or axle is not None) and highest > 1.5e3 * about.max_height[1]:
-        said.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
     micro = np.array(micro_friction)
-    said += [line for value in micro for line in outside(about, micro_friction=float(value))]
+    findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
     none = np.zeros(len(micro), dtype=np.int64)
     answer = predictor(faces[0][None], faces[1][None], none, none, micro)
-    return Pair(faces[0], faces[1], micro, answer.mean, answer.spread, bool(answer.held.all()), said)
+    return PairPrediction(
+        wheel=faces[0],
+        axle=faces[1],
+        micro=micro,
+        mean=answer.mean,
+        spread=answer.spread,
+        in_contact=bool(answer.in_contact.all()),
+        outside=findings,
+    )
 
 
-def write_pair(pair: Pair, target: Path) -> None:
-    """A figure (.png) or a table (.csv) of it.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    if target.suffix == ".png":
-        from .evaluation.plots import prediction
-
-        prediction(pair, target)
-        return
-    columns = np.stack([pair.micro, pair.mean, pair.spread, pair.mean - pair.half, pair.mean + pair.half])
-    with replacing(target) as draft, draft.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["micro_friction", "meso_friction", "standard_deviation", "low_90", "high_90"])
-        for values in columns.T:
-            rows.writerow([f"{value:.6g}" for value in values])
+def _face(body: Body, file: Path | None, seed: int, points: int, keys: Mapping[str, Any]) -> HeightArray:
+    """A face from its file, or from its seed where there is none."""
+    return generated_face(body, seed, **keys, points=points) if file is None else read_face(file, body, points)

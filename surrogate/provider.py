@@ -49,10 +49,11 @@ if TYPE_CHECKING:
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
 YOUNGS_MODULUS_SLACK = 0.03
-"""Relative. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
+"""Relative [-]. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
 POISSON_RATIO_SLACK = 0.005
-LARGEST = math.nextafter(2.0, 0.0)
-"""Of the coefficients that the contract accepts [-]."""
+"""Absolute [-]."""
+LARGEST_FRICTION = math.nextafter(2.0, 0.0)
+"""Largest coefficient that the contract accepts [-]."""
 
 
 class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -80,13 +81,15 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """
 
     micro_friction: float = 0.07
-    """Of sphere on sphere [-]."""
+    """Coefficient of sphere on sphere [-]."""
     seed: int = 1
     """Chooses all the surfaces of both bodies, 0 to 65535; see `meso.surfaces.surface.tile_seed`."""
     surface: SurfaceOptions = SurfaceOptions()
+    """Roughness of both bodies."""
     model: str | None = None
     """Path of a checkpoint; None: the network that comes with the package."""
     fallback: Fallback = "error"
+    """What happens outside of the inputs the network has seen."""
     dem: dict[str, Any] = {}
     """More options of the provider `dem`, with fallback = "dem"."""
 
@@ -113,33 +116,33 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             ProviderError: torch or safetensors are missing, there is no such model, or the network has not seen such
                 inputs and `fallback` is "error"; or it is "dem", and that provider cannot be built.
         """
-        tiles, foreign = self._tiles(context)
-        if foreign:
-            told = f"the network has not seen such inputs: {'; '.join(foreign)}"
+        tiles, unseen = self._tiles(context)
+        if unseen:
+            message = f"the network has not seen such inputs: {'; '.join(unseen)}"
             if self.fallback == "error":
                 raise ProviderError(
-                    f"{told}. Take inputs within, another friction.options.model, "
+                    f"{message}. Take inputs within, another friction.options.model, "
                     "or fallback = 'dem' (slow) or 'warning' (predict anyway)"
                 )
             if self.fallback == "dem":
-                warnings.warn(f"friction provider 'surrogate': {told}; 'dem' answers for all pairs", stacklevel=2)
+                warnings.warn(f"friction provider 'surrogate': {message}; 'dem' answers for all pairs", stacklevel=2)
                 return self._dem(context)
-            warnings.warn(f"friction provider 'surrogate': {told}; it is asked nevertheless", stacklevel=2)
-        instead = functools.cache(lambda: self._dem(context)) if self.fallback == "dem" else None
-        return TileNetwork(tiles, self, trusted=not foreign, instead=instead)
+            warnings.warn(f"friction provider 'surrogate': {message}; it is asked nevertheless", stacklevel=2)
+        fallback = functools.cache(lambda: self._dem(context)) if self.fallback == "dem" else None
+        return TileNetwork(tiles, self, trusted=not unseen, fallback=fallback)
 
     def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
         """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
-            from .network.checkpoint import outside
-            from .tiles import predictor, shared
+            from .network.checkpoint import outside_training
+            from .tiles import load_predictor, shared_tiles
         except ImportError as error:
             raise ProviderError(
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
         try:
-            network = predictor(None if self.model is None else Path(self.model).expanduser())
+            network = load_predictor(None if self.model is None else Path(self.model).expanduser())
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
         if network.provenance.faces != "generated":
@@ -148,15 +151,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 "take one trained on the surfaces as generated"
             )
         surface = msgspec.structs.asdict(self.surface)
-        foreign = outside(network.provenance, micro_friction=self.micro_friction, **surface)
-        foreign += _other_plates(context, network.provenance.plates)
-        return shared(network, self.seed, tuple(surface.items()), (context.seat_tiles, context.bore_tiles)), foreign
+        unseen = outside_training(network.provenance, micro_friction=self.micro_friction, **surface)
+        unseen += _other_plates(context, network.provenance.plates)
+        counts = context.seat_tiles, context.bore_tiles
+        return shared_tiles(network, self.seed, tuple(surface.items()), counts), unseen
 
     def _dem(self, context: BuildContext) -> FrictionProvider:
         """The provider `dem` on the same surfaces."""
         return build("dem", self._dem_options(), context)
 
     def _dem_options(self) -> dict[str, Any]:
+        """Options of the provider `dem` on the same surfaces."""
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
         return {**self.dem, **own, "surface": msgspec.structs.asdict(self.surface)}
 
@@ -176,10 +181,12 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class _Answer(NamedTuple):
-    """What is known of m distinct pairs, sorted by seat tile and bore tile: four arrays of shape (m,)."""
+    """Coefficients of m distinct pairs, sorted by seat tile and bore tile: four arrays of shape (m,)."""
 
     seat: IntArray
+    """Number of the seat tile."""
     bore: IntArray
+    """Number of the bore tile."""
     mean: FloatArray
     """mu [-], 0 <= mu < 2."""
     spread: FloatArray
@@ -193,10 +200,10 @@ class TileNetwork:
     to the last batch are kept.
 
     Args:
-        tiles: of both bodies, with the network.
+        tiles: tiles of both bodies, with the network.
         options: micro coefficient; seed and surfaces are those of `tiles`.
         trusted: the network has seen such inputs.
-        instead: gives the provider to ask about pairs that are predicted to lose contact; None: the network answers.
+        fallback: gives the provider to ask about pairs that are predicted to lose contact; None: the network answers.
     """
 
     depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
@@ -205,7 +212,7 @@ class TileNetwork:
     """Pairs predicted out of the bounds of the contract, and answered with the nearest bound."""
     out_of_range: int
     """Pairs predicted for inputs the network has not seen."""
-    unheld: int
+    losing_contact: int
     """Pairs that are predicted to lose contact somewhere along the slide."""
 
     def __init__(
@@ -214,17 +221,17 @@ class TileNetwork:
         options: Surrogate,
         *,
         trusted: bool = True,
-        instead: Callable[[], FrictionProvider] | None = None,
+        fallback: Callable[[], FrictionProvider] | None = None,
     ) -> None:
         self.tiles, self.options, self.trusted = tiles, options, trusted
-        self.clipped = self.out_of_range = self.unheld = 0
-        self._instead = instead
+        self.clipped = self.out_of_range = self.losing_contact = 0
+        self._fallback = fallback
         self._last: _Answer | None = None
 
     @property
     def counters(self) -> dict[str, int]:
-        """For the report of a run."""
-        return {name: getattr(self, name) for name in ("clipped", "out_of_range", "unheld")}
+        """Counts for the report of a run."""
+        return {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -280,22 +287,22 @@ class TileNetwork:
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
         answer = _Answer(seat, bore, np.array(prediction.mean), np.array(prediction.spread))
-        self._replace(answer, np.flatnonzero(~prediction.held))
+        self._replace(answer, np.flatnonzero(~prediction.in_contact))
         self._bound(answer)
         self.out_of_range += 0 if self.trusted else seat.size
         return answer
 
     def _replace(self, answer: _Answer, lost: IntArray) -> None:
         """Have the pairs numbered `lost` answered by the other provider, if there is one."""
-        if lost.size and self._instead is not None:
+        if lost.size and self._fallback is not None:
             unused = np.zeros(lost.size)
             pairs = TilePairs(answer.seat[lost], answer.bore[lost], unused, unused)
-            answer.mean[lost], answer.spread[lost] = answered(self._instead(), pairs, "dem")
-        self.unheld += lost.size
+            answer.mean[lost], answer.spread[lost] = answered(self._fallback(), pairs, "dem")
+        self.losing_contact += lost.size
 
     def _bound(self, answer: _Answer) -> None:
         """Bring the coefficients within the contract."""
-        wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST))
+        wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST_FRICTION))
         if wrong.size and not self.clipped:
             seat, bore, mean, spread = (column[wrong[0]] for column in answer)
             warnings.warn(
@@ -304,17 +311,17 @@ class TileNetwork:
                 stacklevel=2,
             )
         self.clipped += wrong.size
-        np.clip(answer.mean, 0.0, LARGEST, out=answer.mean)
+        np.clip(answer.mean, 0.0, LARGEST_FRICTION, out=answer.mean)
 
 
 def _other_plates(context: BuildContext, plates: Plates) -> list[str]:
     """In which ways the plates of a run are others than those learned from, in words."""
     low, high = ((1.0 + sign * YOUNGS_MODULUS_SLACK) * plates.youngs_modulus for sign in (-1.0, 1.0))
-    said = []
+    findings = []
     if not math.isclose(context.tile_size, plates.edge, rel_tol=1e-9):
-        said.append(f"tile_size = {context.tile_size:g} is not {plates.edge:g} mm")
+        findings.append(f"tile_size = {context.tile_size:g} is not {plates.edge:g} mm")
     if not low <= context.youngs_modulus <= high:
-        said.append(f"youngs_modulus = {context.youngs_modulus:g} is outside {low:g} ... {high:g} MPa")
+        findings.append(f"youngs_modulus = {context.youngs_modulus:g} is outside {low:g} ... {high:g} MPa")
     if not abs(context.poisson_ratio - plates.poisson_ratio) <= POISSON_RATIO_SLACK:
-        said.append(f"poisson_ratio = {context.poisson_ratio:g} is not {plates.poisson_ratio:g}")
-    return said
+        findings.append(f"poisson_ratio = {context.poisson_ratio:g} is not {plates.poisson_ratio:g}")
+    return findings

@@ -18,24 +18,25 @@ from torch import Tensor
 from macrofit.base.arrays import BoolArray, HeightArray, IntArray
 from meso.surfaces.surface import TILES, Body, tile_seed
 
-from .data.faces import generated
+from .data.faces import generated_face
 from .errors import PredictionError
-from .network.model import CHUNK, Energy, roughness
+from .network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
 
 Keys: TypeAlias = tuple[tuple[str, float], ...]
 """Keys of Diamond-Square with their values."""
 
-AHEAD = 4
+TILES_AHEAD = 4
 """Tiles ahead of a pair that are looked at for more pairs."""
 
 
 class Tiles:
     """Faces of all tiles of both bodies, and their pairs.
 
-    Foundations are computed `CHUNK` pairs at a time, however few are asked for. Places that are left in the last
-    chunk go to the pairs that will follow as the wheel moves on, nearest first; so they cost nothing if they do not.
+    Foundations are computed `PAIRS_PER_CHUNK` pairs at a time, however few are asked for. Places that are left in the
+    last chunk go to the pairs that will follow as the wheel moves on, nearest first; so they cost nothing if they do
+    not.
 
     Args:
         predictor: the network.
@@ -45,7 +46,7 @@ class Tiles:
     """
 
     faces: int
-    """Made so far."""
+    """Faces made so far."""
     prepared: int
     """Pairs whose foundations were computed so far, those ahead included."""
 
@@ -59,9 +60,9 @@ class Tiles:
             "wheel": _Side(self.counts[1], (n + 1, n + 1)),
         }
         self._row = np.full(self.counts, -1, dtype=np.int32)  # of a pair, below
-        members = len(predictor.model.first) if isinstance(predictor.model, Energy) else 0
+        members = len(predictor.model.first) if isinstance(predictor.model, FoundationEnsemble) else 0
         self._laws = torch.empty(0, 3, members)  # with room for more pairs
-        self._held = torch.empty(0, dtype=torch.bool)
+        self._in_contact = torch.empty(0, dtype=torch.bool)
 
     def predict(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
         """The coefficients of pairs of tiles, as the network gives them for their faces, to the bit.
@@ -72,7 +73,7 @@ class Tiles:
         self._check("axle", seat)
         self._check("wheel", bore)
         model = self.predictor.model
-        if not isinstance(model, Energy):
+        if not isinstance(model, FoundationEnsemble):
             return self._whole(seat, bore, micro)
         with torch.inference_mode():
             rows = self._row[seat, bore]
@@ -80,7 +81,9 @@ class Tiles:
                 self._prepare(model, *self._wanted(seat, bore, rows < 0))
                 rows = self._row[seat, bore]
             which = torch.from_numpy(rows)
-            return self.predictor.answer(self._laws.index_select(0, which), self._held.index_select(0, which), micro)
+            return self.predictor.answer(
+                self._laws.index_select(0, which), self._in_contact.index_select(0, which), micro
+            )
 
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
@@ -95,7 +98,7 @@ class Tiles:
         return face
 
     def _whole(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
-        """From the faces: a network of another architecture has no step that could be kept."""
+        """Predict from the faces: a network of another architecture has no step that could be kept."""
         (seats, axle), (bores, wheel) = (np.unique(tiles, return_inverse=True) for tiles in (seat, bore))
         wheels = self._side("wheel", bores).heights.numpy()[bores]
         axles = self._side("axle", seats).heights.numpy()[seats]
@@ -104,8 +107,8 @@ class Tiles:
     def _wanted(self, seat: IntArray, bore: IntArray, new: BoolArray) -> tuple[IntArray, IntArray]:
         """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
         keys = np.unique(seat[new] * self.counts[1] + bore[new])
-        for step in range(1, AHEAD + 1):
-            room = -len(keys) % CHUNK
+        for step in range(1, TILES_AHEAD + 1):
+            room = -len(keys) % PAIRS_PER_CHUNK
             if not room:
                 break
             # the bore comes on by a tile, and its end reaches another tile of the seat
@@ -118,40 +121,43 @@ class Tiles:
         seats, bores = np.divmod(keys, self.counts[1])
         return seats, bores
 
-    def _prepare(self, model: Energy, seat: IntArray, bore: IntArray) -> None:
-        """Add pairs."""
+    def _prepare(self, model: FoundationEnsemble, seat: IntArray, bore: IntArray) -> None:
+        """Add pairs to those whose laws are known."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
         slopes, features = model.prepare(
             wheels.heights,
             axles.heights,
             torch.from_numpy(bore),
             torch.from_numpy(seat),
-            uneven=(wheels.roughness, axles.roughness),
+            roughness=(wheels.roughness, axles.roughness),
         )
         old, new = self.prepared, self.prepared + len(seat)
-        self._laws, self._held = _with_room(self._laws, old, new), _with_room(self._held, old, new)
-        self._laws[old:new], self._held[old:new] = model.laws(slopes, features), model.holds(features)
+        self._laws, self._in_contact = _with_room(self._laws, old, new), _with_room(self._in_contact, old, new)
+        self._laws[old:new], self._in_contact[old:new] = (
+            model.affine_laws(slopes, features),
+            model.keeps_contact(features),
+        )
         self._row[seat, bore] = np.arange(old, new)
         self.prepared = new
 
     def _side(self, body: Body, tiles: IntArray) -> _Side:
-        """The faces of a body, these made."""
+        """The faces of a body, with these tiles made."""
         side = self._sides[body]
         for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            heights = generated(
+            heights = generated_face(
                 body,
                 tile_seed(self.seed, tile),
                 **self.surface,  # type: ignore[arg-type]
                 points=self.predictor.provenance.points,
             )
             side.heights[tile] = torch.from_numpy(heights)
-            side.roughness[tile] = roughness(side.heights[tile])
+            side.roughness[tile] = upper_roughness(side.heights[tile])
             side.made[tile] = True
             self.faces += 1
         return side
 
     def _check(self, body: Body, tiles: IntArray) -> None:
-        """A tile beyond those of its body is an error that names it, and never another tile."""
+        """Refuse a tile beyond those of its body by its number; never take another tile."""
         count = self.counts[0 if body == "axle" else 1]
         if len(tiles) and not 0 <= tiles.min() <= tiles.max() < count:
             wrong = tiles[(tiles < 0) | (tiles >= count)][0]
@@ -176,7 +182,7 @@ def _with_room(rows: Tensor, old: int, new: int) -> Tensor:
     return larger
 
 
-def predictor(path: Path | None) -> Predictor:
+def load_predictor(path: Path | None) -> Predictor:
     """The network of a file, or the shipped one; read again only if it is another file than last time.
 
     Raises:
@@ -187,15 +193,16 @@ def predictor(path: Path | None) -> Predictor:
         about = path.stat()
     except OSError:
         return Predictor(path)  # says it
-    return _predictor(path, (about.st_dev, about.st_ino, about.st_mtime_ns, about.st_size))
+    return _cached_predictor(path, (about.st_dev, about.st_ino, about.st_mtime_ns, about.st_size))
 
 
 @functools.lru_cache(maxsize=1)
-def _predictor(path: Path, about: tuple[int, ...]) -> Predictor:
+def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
+    """The network of a file, kept as long as the file is the same."""
     return Predictor(path)
 
 
 @functools.lru_cache(maxsize=1)
-def shared(predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> Tiles:
-    """`Tiles` of these arguments: the same as last time if they are."""
+def shared_tiles(predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> Tiles:
+    """Tiles of these arguments: the same object as last time if the arguments are the same."""
     return Tiles(predictor, seed, surface, counts)

@@ -7,16 +7,16 @@ from pathlib import Path
 import torch
 
 from surrogate.data.samples import Plates
-from surrogate.network.checkpoint import EnergyOptions, Provenance, save
+from surrogate.network.checkpoint import EnsembleOptions, Provenance, save_checkpoint
 from surrogate.network.dataset import Faces
 
 
 def untrained(path: Path, stiffness: float = 3e4, faces: Faces = "generated") -> str:
     """Write it, and give back its path. It claims to have seen what the shipped design has."""
-    options = EnergyOptions(stiffness=[stiffness], load=170.0, members=2)
+    options = EnsembleOptions(stiffness=[stiffness], load=170.0, members=2)
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        network = options.build()
+        network = options.build_network()
     about = Provenance(
         options=options,
         faces=faces,
@@ -36,5 +36,5 @@ def untrained(path: Path, stiffness: float = 3e4, faces: Faces = "generated") ->
         validation_r2=0.0,
         versions={},
     )
-    save(path, network, about)
+    save_checkpoint(path, network, about)
     return str(path)

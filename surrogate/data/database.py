@@ -6,8 +6,8 @@
 
 A sample that ends is appended to the journal and forced onto the disk. When the journal has grown, a copy of the HDF5
 file takes its samples and then the place of the file; a new journal follows. A kill at any moment leaves a whole HDF5
-file, and a journal of which at most the last frame is torn; what both hold is counted once. `read` gives the samples
-of both at any time, also while they are written. Nothing is ever unpickled.
+file, and a journal of which at most the last frame is torn; what both hold is counted once. `read_database` gives the
+samples of both at any time, also while they are written. Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -33,9 +33,11 @@ from macrofit.base.log import Log
 
 from ..errors import DatabaseError
 from .journal import Content, Failure, Sample, encode, head, journal_of, read_journal, start
-from .samples import SCHEMA, Header, Samples, content_hash, digests
+from .samples import SCHEMA, Header, Samples, content_hash, sample_digests
 
-__all__ = ["Database", "Header", "Samples", "Writer", "content_hash", "open_database", "read", "stock"]
+__all__ = [
+    "Database", "Header", "Samples", "Writer", "content_hash", "describe_database", "open_database", "read_database",
+]  # fmt: skip
 
 FORMAT = "macrofit-surrogate database"
 JOURNALLED = 500
@@ -48,18 +50,21 @@ _DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeErr
 
 @dataclass(frozen=True)
 class Database:
-    """What `read` found."""
+    """All samples of a database with what they share."""
 
     header: Header
     samples: Samples
     failures: dict[int, str]
     """Reason of each sample that could not be computed, by id."""
     content_hash: str
-    """Of all samples by id, but for the time they took; the same however they were stored. (Code that numba has just
-    compiled may round another way than the same code from its cache: 1e-15 of a coefficient, and another hash.)"""
+    """Hash of all samples by id, but for the time they took; the same however they were stored.
+
+    (Code that numba has just compiled may round another way than the same code from its cache: 1e-15 of a coefficient,
+    and another hash.)
+    """
 
 
-def read(path: Path) -> Database:
+def read_database(path: Path) -> Database:
     """All samples of a database and its journal, also of one that is being filled.
 
     Raises:
@@ -89,11 +94,11 @@ def read(path: Path) -> Database:
     return Database(header, taken, dict(sorted(failures.items())), content_hash(taken))
 
 
-def stock(path: Path) -> list[str]:
-    """What a whole database holds, in words.
+def describe_database(path: Path) -> list[str]:
+    """Describe what a whole database holds, in lines of text.
 
     Raises:
-        DatabaseError: as `read`.
+        DatabaseError: as `read_database`.
     """
     with _opened(path) as (file, header):
         order = np.argsort(file["samples/id"][:], kind="stable")
@@ -245,7 +250,7 @@ def _create(path: Path, header: Header) -> None:
 
 def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None:
     columns = {name: rows[name] for name in rows.dtype.names or ()}
-    checksums = np.frombuffer(b"".join(digests(columns)), "u1").reshape(-1, 32)
+    checksums = np.frombuffer(b"".join(sample_digests(columns)), "u1").reshape(-1, 32)
     reasons = [why.encode()[:LONGEST_REASON] for why in failures.values()]
     more = {f"samples/{name}": values for name, values in columns.items()}
     more |= {"samples/sha256": checksums, "failures/id": np.array(list(failures), "<i8")}
@@ -297,7 +302,7 @@ def _read_file(path: Path) -> tuple[Header, dict[str, npt.NDArray[Any]], dict[in
             if stored.dtype != row[name].base or stored.shape != (count, *row[name].shape):
                 raise ValueError(f"samples/{name} is {stored.dtype} {stored.shape}")
         whole = [bytes(stored) for stored in file["samples/sha256"][:]]
-        for number, expected, is_now in zip(samples["id"], whole, digests(samples), strict=True):
+        for number, expected, is_now in zip(samples["id"], whole, sample_digests(samples), strict=True):
             if expected != is_now:
                 raise ValueError(f"sample {number} does not match its checksum")
         reasons = [bytes(why).decode(errors="replace") for why in file["failures/reason"][:]]

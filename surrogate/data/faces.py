@@ -13,21 +13,21 @@ from meso.surfaces.surface import Body, Surface, diamond_square, face_generator
 from ..errors import PredictionError
 
 POINTS = 33
-"""Along 1 mm."""
+"""Points of a face along 1 mm."""
 
 
-def generated(
+def generated_face(
     body: Body, seed: int, *, levels: int, max_height: float, hurst_exponent: float, points: int = POINTS
 ) -> HeightArray:
-    """The Diamond-Square face of a body: the wheel's on 1 x 1 mm, the axle's on 2 x 1 mm.
+    """Make the Diamond-Square face of a body: the wheel's on 1 x 1 mm, the axle's on 2 x 1 mm.
 
     Args:
-        body: whose stream of random numbers it is drawn from.
-        seed: of the surface.
+        body: body whose stream of random numbers it is drawn from.
+        seed: seed of the surface.
         levels: subdivisions, 2^levels + 1 points along 1 mm.
         max_height: R [mm].
         hurst_exponent: H [-].
-        points: along 1 mm.
+        points: points of the face along 1 mm.
 
     Returns:
         Heights outward from the nominal face [mm], (points, points) or (2 points - 1, points).
@@ -42,18 +42,18 @@ def generated(
         )
     except MesoError as error:
         raise PredictionError(f"surface of the {body}: {error}") from None
-    return heights(face, points)
+    return sampled_heights(face, points)
 
 
-def heights(face: Surface, points: int) -> HeightArray:
-    """A face at `points` points across and as many on each square along the slide [mm]."""
+def sampled_heights(face: Surface, points: int) -> HeightArray:
+    """Sample a face at `points` points across and as many on each square along the slide [mm]."""
     length, width = face.size
     sampled = face.resampled((round(length / width) * (points - 1) + 1, points)).heights
     return np.asarray(sampled, dtype=np.float32)
 
 
-def from_file(path: Path, body: Body, points: int = POINTS) -> HeightArray:
-    """A face from a table of heights [mm], one row for each place along the slide (.npy, or .csv with commas).
+def read_face(path: Path, body: Body, points: int = POINTS) -> HeightArray:
+    """Read a face from a table of heights [mm], one row for each place along the slide (.npy, or .csv with commas).
 
     It covers the whole face, 1 x 1 mm of the wheel or 2 x 1 mm of the axle, at any number of points.
 
@@ -77,4 +77,4 @@ def from_file(path: Path, body: Body, points: int = POINTS) -> HeightArray:
             f"{path}: {face.shape[0]} x {face.shape[1]} points are not those of {length:g} x 1 mm: "
             f"rows run along the slide, and the {body}'s face is {length:g} mm long"
         )
-    return heights(face, points)
+    return sampled_heights(face, points)

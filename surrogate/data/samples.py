@@ -26,15 +26,17 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """What all plates of a database have in common, and a network that learns from it cannot know otherwise."""
 
     spheres: int = 3000
+    """Spheres of both plates together."""
     edge: float = 1.0
-    """Of the wheel's plate [mm]."""
+    """Edge of the wheel's plate [mm]."""
     slide: float = 1.0
-    """[mm]."""
+    """Length of the slide [mm]."""
     pressure: float = 170.0
-    """Before the slide [MPa]."""
+    """Mean pressure before the slide [MPa]."""
     youngs_modulus: float = YOUNGS_MODULUS
-    """[MPa]."""
+    """Young's modulus [MPa]."""
     poisson_ratio: float = POISSON_RATIO
+    """Poisson's ratio [-]."""
 
     @property
     def load(self) -> float:
@@ -52,13 +54,13 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     code: str
     """Hash of the code that computed the samples."""
     version: str
-    """Of the package."""
+    """Version of the package."""
     micro_frictions: int
-    """k, micro coefficients per sample."""
+    """Number of micro coefficients per sample, k."""
     squares: int
     """Length of the axle's plate over that of the wheel's."""
     points: int = 33
-    """Of a surface along the edge of the wheel's plate; an envelope has 2 points - 1."""
+    """Points of a surface along the edge of the wheel's plate; an envelope has 2 points - 1."""
     schema: int = SCHEMA
 
     @property
@@ -106,19 +108,24 @@ class Samples:
     """Friction tests, one row each, sorted by id: n pairs of plates, each slid with k micro coefficients.
 
     Heights are measured outward from the nominal face of each body, in single precision (1e-7 of the height). Row i
-    of a matrix lies at x = i dx along the slide, column j at y = j dy across it. The wheel is turned over about no
-    axis but mirrored in z: its point (x, y) faces (x + s, y) of the axle when it has slid by s.
+    of a matrix lies at x = i dx along the slide, column j at y = j dy across it. Heights
+    of the wheel are mirrored in z, not rotated: after a slide s its point (x, y) faces point (x + s, y) of the axle.
     """
 
     id: IntArray
     """Number in the design, shape (n,)."""
     wheel_seed: IntArray
+    """Seed of the wheel's surface, shape (n,); so are all up to the exponent."""
     axle_seed: IntArray
+    """Seed of the axle's surface."""
     packing_seed: IntArray
+    """Seed of both packings."""
     levels: IntArray
+    """Subdivisions of both surfaces."""
     max_height: FloatArray
     """R [mm]."""
     hurst_exponent: FloatArray
+    """H [-]."""
     wheel: HeightArray
     """Surface of the wheel [mm], shape (n, 33, 33) on 1 x 1 mm; exact, for grids of 2^levels + 1 points nest."""
     axle: HeightArray
@@ -128,11 +135,11 @@ class Samples:
     axle_envelope: HeightArray
     """Upper envelope of the axle's spheres [mm], shape (n, 129, 65)."""
     micro_friction: FloatArray
-    """Shape (n, k), rising in each row; so are all that follow."""
+    """Micro coefficients [-], shape (n, k), rising in each row; all that follow have this shape."""
     meso_friction: FloatArray
-    """Mean T over mean N."""
+    """Mean T over mean N [-], shape (n, k)."""
     meso_friction_mean_of_ratio: FloatArray
-    """Mean of T/N."""
+    """Mean of T/N along the slide [-]."""
     uncertainty: FloatArray
     """Standard error of `meso_friction` along the slide."""
     mean_normal: FloatArray
@@ -159,15 +166,15 @@ class Samples:
 
 
 def content_hash(samples: Samples) -> str:
-    """Hash of all samples by id, but for the time they took."""
+    """Hash all samples by id, but for the time they took."""
     whole = hashlib.sha256()
-    for sample in digests({field.name: getattr(samples, field.name) for field in fields(Samples)}):
+    for sample in sample_digests({field.name: getattr(samples, field.name) for field in fields(Samples)}):
         whole.update(sample)
     return whole.hexdigest()
 
 
-def digests(arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[bytes]:
-    """SHA-256 of each sample as `Header.row` lays it out, but for its time."""
+def sample_digests(arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[bytes]:
+    """Yield the SHA-256 of each sample as `Header.row` lays it out, but for its time."""
     row = np.dtype([(name, stored.dtype, stored.shape[1:]) for name, stored in arrays.items()])
     count = len(arrays["id"])
     for start in range(0, count, BLOCK):

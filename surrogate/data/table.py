@@ -21,15 +21,18 @@ import numpy as np
 from macrofit.base.files import replacing
 
 from ..errors import DatabaseError
-from .database import Database, read
-from .faces import generated
+from .database import Database, read_database
+from .faces import generated_face
 from .samples import Header, Samples
 
 SIGNATURE = "# macrofit-surrogate table "
 HEIGHTS = ("wheel", "axle", "wheel_envelope", "axle_envelope")
+"""Fields of a sample that a table leaves out."""
 
 
 class _About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """First line of a table, after the signature."""
+
     header: Header
     content_hash: str  # of the database, heights and all
     sha256: str
@@ -48,7 +51,7 @@ def write_table(database: Database, path: Path) -> None:
     rows.writerow(columns)
     for i in range(len(samples)):
         for k in range(header.micro_frictions):
-            rows.writerow(_said(column[i, k] if column.ndim == 2 else column[i]) for column in columns.values())
+            rows.writerow(_as_text(column[i, k] if column.ndim == 2 else column[i]) for column in columns.values())
     body = text.getvalue().encode()
     about = _About(header, database.content_hash, hashlib.sha256(body).hexdigest())
     with replacing(path) as draft:
@@ -56,7 +59,7 @@ def write_table(database: Database, path: Path) -> None:
 
 
 def read_table(path: Path) -> Database:
-    """The samples of a table, their generated faces made anew and their envelopes left empty.
+    """Read the samples of a table, their generated faces made anew and their envelopes left empty.
 
     Raises:
         DatabaseError: there is no such file, or it is foreign, damaged or changed.
@@ -78,20 +81,21 @@ def read_table(path: Path) -> Database:
 
 
 def open_samples(path: Path) -> Database:
-    """A database, or where the name ends in .csv a table of one.
+    """Read a database, or where the name ends in .csv a table of one.
 
     Raises:
-        DatabaseError: as `read` and `read_table`.
+        DatabaseError: as `read_database` and `read_table`.
     """
-    return read_table(path) if path.suffix == ".csv" else read(path)
+    return read_table(path) if path.suffix == ".csv" else read_database(path)
 
 
-def _said(value: Any) -> str:
+def _as_text(value: Any) -> str:
     """A number so that it comes back to the bit; bytes as text."""
     return value.decode(errors="replace") if isinstance(value, bytes) else repr(value.item())
 
 
 def _samples(header: Header, rows: list[dict[str, str]]) -> Samples:
+    """Samples from rows of text, with their faces made anew."""
     kinds, k = header.row(), header.micro_frictions
     values: dict[str, Any] = {}
     for name in kinds.names or ():
@@ -103,7 +107,7 @@ def _samples(header: Header, rows: list[dict[str, str]]) -> Samples:
     faces: dict[str, list[Any]] = {"wheel": [], "axle": []}
     for i in range(len(values["id"])):
         keys = {name: values[name][i].item() for name in ("levels", "max_height", "hurst_exponent")}
-        faces["wheel"].append(generated("wheel", int(values["wheel_seed"][i]), **keys, points=header.points))
-        faces["axle"].append(generated("axle", int(values["axle_seed"][i]), **keys, points=header.points))
+        faces["wheel"].append(generated_face("wheel", int(values["wheel_seed"][i]), **keys, points=header.points))
+        faces["axle"].append(generated_face("axle", int(values["axle_seed"][i]), **keys, points=header.points))
     values |= {name: np.zeros((len(rows) // k, 0, 0), dtype=np.float32) for name in HEIGHTS[2:]}
     return Samples(**values | {name: np.array(made) for name, made in faces.items()})

@@ -10,7 +10,7 @@ import numpy as np
 from macrofit.base.figure import BLUE, VERMILION, save, sheet
 from macrofit.base.files import replacing
 
-from ..network.train import Curves
+from ..network.descent import Curves
 
 
 def write_curves(curves: Curves, stem: Path, label: str) -> list[Path]:

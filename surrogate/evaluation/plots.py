@@ -10,23 +10,25 @@ import numpy as np
 from macrofit.base.arrays import FloatArray
 from macrofit.base.figure import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 
-from ..network.train import QUANTILE
-from ..pair import Pair
-from .run import Measured, Predicted, constant_ratio, errors
+from ..network.score import QUANTILE_90
+from ..pair import PairPrediction
+from .errors import relative_errors
+from .measured import MeasuredPairs
+from .predicted import PredictedPairs, constant_ratio
 
 SHOWN = 0.07
 """Micro coefficient of the paper's figure."""
 
 
-def configurations(data: Measured, said: Predicted, target: Path) -> Path:
+def draw_configurations(data: MeasuredPairs, predicted: PredictedPairs, target: Path) -> Path:
     """Actual against predicted by configuration, as in the paper: one micro coefficient, sorted by the actual one."""
     k = int(np.argmin(np.abs(data.micro - SHOWN)))
     figure, (axes,) = sheet(7.2, 3.6)
     order = np.argsort(data.meso[..., k].mean(1))
-    mean = said.mean[order, :, k].mean(1)
+    mean = predicted.mean[order, :, k].mean(1)
     place = np.arange(len(order))
-    if said.spread is not None:
-        half = QUANTILE * said.spread[order, :, k].mean(1)
+    if predicted.spread is not None:
+        half = QUANTILE_90 * predicted.spread[order, :, k].mean(1)
         axes.fill_between(
             place, mean - half, mean + half,
             color=BLUE, alpha=0.18, lw=0, label="stated 90 % interval of one packing",
@@ -41,10 +43,10 @@ def configurations(data: Measured, said: Predicted, target: Path) -> Path:
     return save(figure, target)
 
 
-def scatter(data: Measured, said: Predicted, target: Path) -> Path:
+def draw_scatter(data: MeasuredPairs, predicted: PredictedPairs, target: Path) -> Path:
     """Predicted over actual for all micro coefficients, and the same for b, the part that roughness alone gives."""
     figure, (left, right) = sheet(8.6, 4.2, columns=(1.0, 1.0))
-    actual, guess = data.meso.mean(1), said.mean.mean(1)
+    actual, guess = data.meso.mean(1), predicted.mean.mean(1)
     for k, colour in zip(range(len(data.micro)), (BLUE, GREEN, ORANGE, PURPLE, VERMILION, SKY), strict=False):
         left.plot(actual[:, k], guess[:, k], ".", ms=4, color=colour, label=f"{data.micro[k]:g}")
     left.legend(title="$\\mu_{micro}$", frameon=False, fontsize=8, title_fontsize=8)
@@ -61,13 +63,13 @@ def scatter(data: Measured, said: Predicted, target: Path) -> Path:
     return save(figure, target)
 
 
-def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], target: Path) -> Path:
+def draw_errors(data: MeasuredPairs, predicted: PredictedPairs, others: list[PredictedPairs], target: Path) -> Path:
     """Mean relative error against one packing, with its standard error, beside baselines and the noise floor."""
     figure, (axes,) = sheet(6.4, 4.0)
-    shown = [constant_ratio(data), *others, replace(said, name="this network")]
+    shown = [constant_ratio(data), *others, replace(predicted, name="this network")]
     colours = [*("0.55", ORANGE, PURPLE, GREEN, SKY, VERMILION)[: len(shown) - 1], BLUE]
     for one, colour in zip(shown, colours, strict=True):
-        wrong = errors(data, one)[0].mean(1)  # (n, k)
+        wrong = relative_errors(data, one)[0].mean(1)  # (n, k)
         axes.errorbar(
             data.micro, 100.0 * wrong.mean(0), 100.0 * wrong.std(0, ddof=1) / np.sqrt(len(wrong)),
             fmt="o-", ms=4, lw=1.4, capsize=2, color=colour, label=one.name,
@@ -83,7 +85,7 @@ def by_micro_friction(data: Measured, said: Predicted, others: list[Predicted], 
     return save(figure, target)
 
 
-def prediction(pair: Pair, target: Path) -> Path:
+def draw_prediction(pair: PairPrediction, target: Path) -> Path:
     """The two faces, and the law between the coefficients with its 90 % interval."""
     figure, (left, middle, right) = sheet(11.0, 3.2, columns=(1.0, 2.0, 1.4))
     scale = 1e3 * float(max(np.abs(pair.wheel).max(), np.abs(pair.axle).max()))

@@ -1,12 +1,9 @@
-"""What the commands print about an evaluation and a prediction."""
+"""What the command prints about an evaluation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from ..pair import Pair
+from typing import Any
 
 
 def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
@@ -44,16 +41,3 @@ def _percent(result: Mapping[str, Any], against: str = "") -> str:
 
 def _cell(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.2f}"
-
-
-def prediction_lines(pair: Pair) -> list[str]:
-    """What a network says about one pair of faces."""
-    roughness = ", ".join(
-        f"{name} {1e3 * face.std():.2f} µm" for name, face in (("wheel", pair.wheel), ("axle", pair.axle))
-    )
-    lines = [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
-    for micro, mean, half in zip(pair.micro, pair.mean, pair.half, strict=True):
-        lines.append(f"  {micro:<8g}  {mean:.4f}    {mean - half:.4f} ... {mean + half:.4f}")
-    if not pair.held:
-        lines.append("Contact         is probably lost somewhere along the slide; there errors are twice as large")
-    return lines

@@ -23,18 +23,20 @@ from macrofit.base.files import replacing
 from ..data.samples import Plates
 from ..errors import CheckpointError
 from .dataset import Faces
-from .model import Energy, Paper
+from .model import FoundationEnsemble, LallemanCNN
 
 Architecture = Literal["energy", "paper"]
-Model: TypeAlias = Energy | Paper
+Model: TypeAlias = FoundationEnsemble | LallemanCNN
 ENTRY = "macrofit-surrogate"
 SCHEMA = 1
-LARGEST = 200_000_000
-"""Bytes of a file that is worth reading."""
+LARGEST_FILE = 200_000_000
+"""Upper bound of a file that is read [bytes]."""
 
 
-class EnergyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="energy", tag_field="architecture"):
-    """Arguments of `Energy`."""
+class EnsembleOptions(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag="energy", tag_field="architecture"
+):
+    """Arguments of `FoundationEnsemble`; files name this architecture "energy"."""
 
     stiffness: list[float]
     load: float
@@ -42,39 +44,41 @@ class EnergyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     width: int = 24
     positions: int = 5
 
-    def build(self) -> Energy:
-        """The network, untrained."""
-        return Energy(self.stiffness, self.load, self.members, self.width, self.positions)
+    def build_network(self) -> FoundationEnsemble:
+        """Build the network, untrained."""
+        return FoundationEnsemble(self.stiffness, self.load, self.members, self.width, self.positions)
 
 
-class PaperOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="paper", tag_field="architecture"):
-    """Arguments of `Paper`."""
+class CNNOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="paper", tag_field="architecture"):
+    """Arguments of `LallemanCNN`; files name this architecture "paper"."""
 
     points: int = 33
     filters: tuple[int, ...] = (16, 12, 8, 6, 4)
 
-    def build(self) -> Paper:
-        """The network, untrained."""
-        return Paper(self.points, self.filters)
+    def build_network(self) -> LallemanCNN:
+        """Build the network, untrained."""
+        return LallemanCNN(self.points, self.filters)
 
 
 class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where weights come from, what inputs they have seen, and how well they did."""
 
-    options: EnergyOptions | PaperOptions
+    options: EnsembleOptions | CNNOptions
     """Architecture and its arguments."""
     faces: Faces
     """Surfaces as generated, or as the envelopes of their spheres."""
     database: str
     """Content hash of the samples."""
     seed: int
+    """Seed of the split, the starting values and the order of the samples."""
     training: int
     """Pairs learned from."""
     validation: int
     """Pairs held back, for early stopping and for the stated uncertainty."""
     points: int
-    """Of a wheel's face along its edge."""
+    """Points of a wheel's face along its edge."""
     plates: Plates
+    """The plates of the friction tests."""
     surface_seeds: tuple[int, int]
     """Smallest and largest seed of a surface, of both bodies together; held back or not."""
     packing_seeds: tuple[int, int]
@@ -84,26 +88,31 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     levels: tuple[int, ...]
     """Subdivisions that were there."""
     hurst_exponent: tuple[float, float]
+    """Smallest and largest Hurst exponent [-]."""
     micro_friction: tuple[float, float]
+    """Smallest and largest micro coefficient [-]."""
     validation_error: dict[str, float]
     """Mean relative error [-] on the validation pairs by micro coefficient."""
     validation_r2: float
     """R2 of b [-] on the validation pairs."""
     versions: dict[str, str]
+    """Versions of the packages that trained the network."""
     schema: int = SCHEMA
 
     @property
     def architecture(self) -> Architecture:
-        """Its name."""
-        return "energy" if isinstance(self.options, EnergyOptions) else "paper"
+        """Name of the architecture in files and options."""
+        return "energy" if isinstance(self.options, EnsembleOptions) else "paper"
 
 
 class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The entry of the metadata."""
+
     provenance: msgspec.Raw
     sha256: str
 
 
-def digest(tensors: Mapping[str, Tensor], provenance: bytes) -> str:
+def checkpoint_digest(tensors: Mapping[str, Tensor], provenance: bytes) -> str:
     """SHA-256 of the provenance and of names, types, shapes and values of all tensors."""
     whole = hashlib.sha256(provenance)
     for name in sorted(tensors):
@@ -113,7 +122,7 @@ def digest(tensors: Mapping[str, Tensor], provenance: bytes) -> str:
     return whole.hexdigest()
 
 
-def save(path: Path, model: Model, provenance: Provenance) -> None:
+def save_checkpoint(path: Path, model: Model, provenance: Provenance) -> None:
     """Write the file in one step: whoever looks finds the old one or the new one.
 
     Raises:
@@ -121,13 +130,13 @@ def save(path: Path, model: Model, provenance: Provenance) -> None:
     """
     tensors = {name: value.detach().cpu().contiguous().clone() for name, value in model.state_dict().items()}
     about = msgspec.json.encode(provenance)
-    entry = msgspec.json.encode(_Entry(msgspec.Raw(about), digest(tensors, about))).decode()
+    entry = msgspec.json.encode(_Entry(msgspec.Raw(about), checkpoint_digest(tensors, about))).decode()
     with replacing(path) as draft:
         draft.write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
 
 
-def load(path: Path) -> tuple[Model, Provenance]:
-    """The network, ready to predict, and its provenance.
+def load_checkpoint(path: Path) -> tuple[Model, Provenance]:
+    """Read a network, ready to predict, and its provenance.
 
     Raises:
         CheckpointError: there is no such file, it is no checkpoint of this program or a damaged or changed one, or
@@ -141,7 +150,7 @@ def load(path: Path) -> tuple[Model, Provenance]:
         raise CheckpointError(f"{path}: its provenance cannot be read ({error}); train it anew") from error
     if provenance.schema != SCHEMA:
         raise CheckpointError(f"{path}: has schema {provenance.schema}, this version reads {SCHEMA}; train it anew")
-    if digest(tensors, bytes(entry.provenance)) != entry.sha256:
+    if checkpoint_digest(tensors, bytes(entry.provenance)) != entry.sha256:
         raise CheckpointError(f"{path}: was changed or damaged after it was written: its digest differs; get it anew")
     return _assemble(path, tensors, provenance), provenance
 
@@ -150,8 +159,8 @@ def _read(path: Path) -> tuple[dict[str, Tensor], str]:
     """All tensors, and the text of the entry."""
     foreign = f"{path}: is no checkpoint of macrofit-surrogate (safetensors; nothing else is ever loaded)"
     try:
-        if path.stat().st_size > LARGEST:
-            raise CheckpointError(f"{foreign}: it is larger than {LARGEST // 1_000_000} MB")
+        if path.stat().st_size > LARGEST_FILE:
+            raise CheckpointError(f"{foreign}: it is larger than {LARGEST_FILE // 1_000_000} MB")
         with safetensors.safe_open(path, framework="pt") as file:
             text = (file.metadata() or {}).get(ENTRY)
             if text is None:
@@ -169,7 +178,7 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
     if bad:
         raise CheckpointError(f"{path}: {bad[0]} has values that are not finite; train it anew")
     options, points = provenance.options, provenance.points
-    if isinstance(options, EnergyOptions):
+    if isinstance(options, EnsembleOptions):
         steps = options.positions - 1
         fits = steps > 0 and (points - 1) % steps == 0 and 0.0 < options.load < math.inf
     else:
@@ -178,7 +187,7 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
         raise CheckpointError(f"{path}: its options do not fit faces of {points} points, or a load above 0")
     try:
         with torch.device("meta"):  # no memory before the shapes are known to fit
-            model: Model = provenance.options.build()
+            model: Model = provenance.options.build_network()
         expected = {name: tuple(value.shape) for name, value in model.state_dict().items()}
     except (RuntimeError, ValueError, TypeError, IndexError, ZeroDivisionError, OverflowError) as error:
         raise CheckpointError(f"{path}: cannot be built from its options: {error}") from error
@@ -191,18 +200,18 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
     return model.eval()
 
 
-def outside(provenance: Provenance, **inputs: float) -> list[str]:
+def outside_training(provenance: Provenance, **inputs: float) -> list[str]:
     """Which inputs lie outside what the network has seen, in words.
 
     Args:
-        provenance: of the network.
+        provenance: what the network was trained on.
         inputs: any of max_height [mm], levels, hurst_exponent, micro_friction.
     """
-    said = []
+    findings = []
     for name, value in inputs.items():
         seen = getattr(provenance, name)
         low, high = min(seen), max(seen)
         slack = 1e-3 * (high - low)
         if not math.isfinite(value) or not low - slack <= value <= high + slack:
-            said.append(f"{name} = {value:g} is outside {low:g} ... {high:g}")
-    return said
+            findings.append(f"{name} = {value:g} is outside {low:g} ... {high:g}")
+    return findings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -17,11 +17,11 @@ from ..data.database import Samples
 from ..errors import TrainingError
 
 Faces = Literal["generated", "envelope"]
-LOWEST = -0.06
-"""Of an envelope [mm]: nodes at the border that no sphere covers lie far below, and carry nothing."""
+LOWEST_ENVELOPE = -0.06
+"""Lower bound of an envelope [mm]: nodes at the border that no sphere covers lie far below, and carry nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pairs:
     """Pairs of surfaces with what the plates gave for them."""
 
@@ -33,8 +33,8 @@ class Pairs:
     """Micro coefficients (pairs, k)."""
     meso: Tensor
     """Meso coefficients (pairs, k)."""
-    held: Tensor
-    """Whether contact was held all along, (pairs,)."""
+    in_contact: Tensor
+    """Whether contact was kept along the whole slide, (pairs,)."""
 
     def __len__(self) -> int:
         return len(self.micro)
@@ -42,7 +42,7 @@ class Pairs:
     def take(self, rows: IntArray) -> Pairs:
         """Some of the pairs, in the order of `rows`."""
         index = torch.from_numpy(rows)
-        return Pairs(self.wheel[index], self.axle[index], self.micro[index], self.meso[index], self.held[index])
+        return Pairs(**{part.name: getattr(self, part.name)[index] for part in fields(Pairs)})
 
     def line(self) -> tuple[Tensor, Tensor]:
         """a and b of mu_meso = a mu_micro + b through the first and the last micro coefficient, (pairs,) each."""
@@ -50,13 +50,13 @@ class Pairs:
         return a, self.meso[:, 0] - a * self.micro[:, 0]
 
 
-def pairs(samples: Samples, faces: Faces = "generated", points: int | None = None) -> Pairs:
+def pair_tensors(samples: Samples, faces: Faces = "generated", points: int | None = None) -> Pairs:
     """The samples as tensors, with the faces as generated or as the envelopes of their spheres.
 
     Args:
-        samples: of a database or a table.
+        samples: friction tests of a database or a table.
         faces: which of the two.
-        points: of a wheel's face along its edge; the same steps along the axle's. All that are there by default.
+        points: points of a wheel's face along its edge; the same steps along the axle's. All by default.
 
     Raises:
         TrainingError: there are no envelopes, or `points` are not those of every so manyth row.
@@ -70,18 +70,18 @@ def pairs(samples: Samples, faces: Faces = "generated", points: int | None = Non
     if points is not None and (points < 2 or rows % (points - 1)):
         raise TrainingError(f"points = {points} along an edge are no part of the {rows + 1} that the samples have")
     step = 1 if points is None else rows // (points - 1)
-    lowest = LOWEST if faces == "envelope" else -np.inf
+    lowest = LOWEST_ENVELOPE if faces == "envelope" else -np.inf
     return Pairs(
         wheel=torch.from_numpy(np.asarray(wheel[:, ::step, ::step], dtype=np.float32)).clamp_min(lowest),
         axle=torch.from_numpy(np.asarray(axle[:, ::step, ::step], dtype=np.float32)).clamp_min(lowest),
         micro=torch.from_numpy(np.asarray(samples.micro_friction, dtype=np.float32)),
         meso=torch.from_numpy(np.asarray(samples.meso_friction, dtype=np.float32)),
-        held=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),
+        in_contact=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),
     )
 
 
-def families(samples: Samples) -> IntArray:
-    """A number for each sample, (samples,): the same for those that share a surface or a packing, or so by others."""
+def seed_families(samples: Samples) -> IntArray:
+    """Connected-component label of each sample, (samples,): samples linked, directly or transitively, by a seed."""
     count = len(samples)
     links, nodes = [], count
     for seeds in (samples.wheel_seed, samples.axle_seed, samples.packing_seed):
@@ -95,18 +95,18 @@ def families(samples: Samples) -> IntArray:
     return np.asarray(family, dtype=np.int64)
 
 
-def folds(samples: Samples, count: int, seed: int = 0) -> list[IntArray]:
-    """The samples dealt into `count` parts of about equal size, whole families each."""
-    family = families(samples)
+def split_into_folds(samples: Samples, count: int, seed: int = 0) -> list[IntArray]:
+    """Divide the samples into `count` parts of about equal size, whole families each."""
+    family = seed_families(samples)
     order = np.random.default_rng(seed).permutation(family.max() + 1)
     part = np.empty(len(order), dtype=np.int64)
     part[order] = np.arange(len(order)) % count
     return [np.flatnonzero(part[family] == k) for k in range(count)]
 
 
-def split(samples: Samples, validation: float = 0.3, seed: int = 0) -> tuple[IntArray, IntArray]:
+def split_by_family(samples: Samples, validation: float = 0.3, seed: int = 0) -> tuple[IntArray, IntArray]:
     """Rows for training and for validation; no surface and no packing is on both sides."""
-    family = families(samples)
+    family = seed_families(samples)
     order = np.random.default_rng(seed).permutation(family.max() + 1)
     kept = set(order[round(validation * len(order)) :].tolist())
     training = np.array([label in kept for label in family])

@@ -17,14 +17,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-NEWTON = 30
-"""Steps to the height at most; N(z) is convex and piecewise linear, and five usually suffice."""
-CLOSE = 1e-5
-"""Of the mean overlap: a smaller step is the last."""
+NEWTON_STEPS = 30
+"""Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
+NEWTON_TOLERANCE = 1e-5
+"""Step below which the iteration ends, as a share of the mean overlap [-]."""
 
 
-class Slide(NamedTuple):
-    """What foundations of stiffnesses K say of a slide, (pairs, K) each."""
+class SlideResponse(NamedTuple):
+    """Response of foundations of stiffnesses K to a slide, (pairs, K) each."""
 
     b: Tensor
     """Change of the energy over the mean load and the slide [-]."""
@@ -41,9 +41,9 @@ class Foundation(nn.Module):
 
     Args:
         stiffness: K [N/mm3], rising.
-        load: that the height is set to carry at the start [N].
-        positions: of the slide that are looked at, the first and the last among them: one more than a divisor of n.
-        edge: of the apparent area [mm], and length of the slide.
+        load: normal force at the start, which sets the height [N].
+        positions: places of the slide, the first and the last among them: one more than a divisor of n.
+        edge: edge of the apparent area, and length of the slide [mm].
 
     Raises:
         ValueError: the stiffnesses do not rise, or there are fewer than two positions.
@@ -56,12 +56,12 @@ class Foundation(nn.Module):
         self.stiffness, self.load, self.positions, self.edge = tuple(stiffness), load, positions, edge
 
     def forward(self, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
-        """b and the mean load, as in `slide`."""
+        """Slope b and mean load of each foundation, as in `slide`."""
         slide = self.slide(wheel, axle)
         return slide.b, slide.load
 
-    def slide(self, wheel: Tensor, axle: Tensor) -> Slide:
-        """The slides of pairs.
+    def slide(self, wheel: Tensor, axle: Tensor) -> SlideResponse:
+        """Slide every wheel over its axle at the height that carries the load at the start.
 
         A row of the answer has the same bits whatever the other rows are, for a given number of rows.
 
@@ -79,43 +79,47 @@ class Foundation(nn.Module):
         height = sums[0].sum(1, keepdim=True) / nodes - self.load / (self.stiffness[0] * area)  # (P, 1)
         found: list[tuple[Tensor, ...]] = []
         for stiffness in self.stiffness:
-            height = settle(sums[0], self.load / (stiffness * area), height)
+            height = contact_height(sums[0], self.load / (stiffness * area), height)
             loads, energies = [], []
             for at in sums:
                 overlap = (at - height).relu_()  # (P, G)
                 loads.append(overlap.sum(1) * (stiffness * area / nodes))
                 energies.append(torch.linalg.vector_norm(overlap, dim=1).square() * (0.5 * stiffness * area / nodes))
-            load, energy = trapezoid(loads), trapezoid(energies)  # (P,)
+            load, energy = trapezoid_mean(loads), trapezoid_mean(energies)  # (P,)
             b = (energies[-1] - energies[0]) / (load.clamp_min(0.05 * self.load) * self.edge)
             least = torch.stack(loads, dim=1).amin(1)
             found.append((b, load / self.load, least / self.load, energy / load.clamp_min(0.05 * self.load)))
-        return Slide(*(torch.stack(column, dim=1) for column in zip(*found, strict=True)))
+        return SlideResponse(*(torch.stack(column, dim=1) for column in zip(*found, strict=True)))
 
 
-def trapezoid(values: list[Tensor]) -> Tensor:
+def trapezoid_mean(values: list[Tensor]) -> Tensor:
     """Mean along the slide of values at equal steps, by the trapezoid rule."""
     inner = sum(values[1:-1], 0.5 * (values[0] + values[-1]))
     return inner / (len(values) - 1)
 
 
-def settle(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
+def contact_height(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
-    Each pair stops by itself when its step is less than `CLOSE`, so that its bits do not depend on the others. The last
-    step carries the gradient, dz/dsums = 1/(nodes in contact) on the nodes in contact before that step.
+    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap, so that its bits do not
+    depend on the others. The last step carries the gradient, dz/dsums = 1/(nodes in contact) on the nodes in contact
+    before that step.
 
     Args:
-        sums: of the heights of both faces (pairs, G) [mm].
-        overlap: mean over all nodes [mm].
+        sums: sums of the heights of both faces (pairs, G) [mm].
+        overlap: mean overlap over all nodes [mm].
         start: a height not above z, (pairs, 1) [mm].
+
+    Returns:
+        z, (pairs, 1) [mm].
     """
     height = start
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         below = height.detach()
         inside = (sums - below).relu_()
         excess = inside.sum(1, keepdim=True) - overlap * sums.shape[1]
         step = excess / inside.detach().sign().sum(1, keepdim=True)
-        moves = step > CLOSE * overlap
+        moves = step > NEWTON_TOLERANCE * overlap
         if not bool(moves.any()):
             break
         height = torch.where(moves, below + step, height)

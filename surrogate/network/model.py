@@ -1,4 +1,4 @@
-"""The networks: one shaped like the physics, one as the paper describes it.
+"""The networks: an ensemble on elastic foundations, and the convolutional one of Lalleman et al.
 
 Both take the heights of the two faces and micro coefficients, and give the mean and the standard deviation of the meso
 coefficient. Heights in mm: wheel (pairs, n + 1, n + 1), axle (pairs, 2 n + 1, n + 1); micro (pairs, k).
@@ -15,15 +15,15 @@ from torch import Tensor, nn
 
 from .foundation import Foundation
 
-CHUNK = 64
+PAIRS_PER_CHUNK = 64
 """Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
-LAW = 512
-"""Pairs whose laws are computed together."""
-FLOOR = 1e-5
-"""Of a standard deviation [-]."""
+LAWS_PER_CHUNK = 512
+"""Pairs whose affine laws are computed together."""
+LEAST_SPREAD = 1e-5
+"""Lower bound of a standard deviation [-]."""
 
 
-class Energy(nn.Module):
+class FoundationEnsemble(nn.Module):
     """mu_meso = a mu_micro + b, with b from energies of elastic foundations, an ensemble of small networks.
 
     b = sum over foundations of g_k b_k, a = a_0 + ..., and the spread of the packings, where g, a and the spread follow
@@ -39,11 +39,11 @@ class Energy(nn.Module):
     number by itself (no matrix product, no tanh, whose bits depend on the place in the batch).
 
     Args:
-        stiffness: of the foundations [N/mm3], rising.
+        stiffness: stiffnesses of the foundations [N/mm3], rising.
         load: normal force at the start of the slide [N].
-        members: of the ensemble.
-        width: of the perceptrons.
-        positions: of the slide that the foundations look at.
+        members: networks in the ensemble.
+        width: hidden units of each perceptron.
+        positions: places of the slide at which the foundations are evaluated.
     """
 
     def __init__(
@@ -75,30 +75,30 @@ class Energy(nn.Module):
         axles: Tensor,
         wheel: Tensor,
         axle: Tensor,
-        uneven: tuple[Tensor, Tensor] | None = None,
+        roughness: tuple[Tensor, Tensor] | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Slopes of the foundations (pairs, K) and even features (pairs, F): all that is needed of the faces.
 
         Args:
-            wheels: heights of the faces [mm], (wheels, n + 1, n + 1).
-            axles: (axles, 2 n + 1, n + 1).
-            wheel: which of them is in each pair, (pairs,).
-            axle: (pairs,).
-            uneven: `roughness` of each of the wheels and of the axles, where it is known.
+            wheels: heights of the wheels' faces [mm], (wheels, n + 1, n + 1).
+            axles: heights of the axles' faces [mm], (axles, 2 n + 1, n + 1).
+            wheel: which of the wheels is in each pair, (pairs,).
+            axle: which of the axles is in each pair, (pairs,).
+            roughness: `upper_roughness` of each of the wheels and of the axles, where it is known.
         """
-        if uneven is None:
-            uneven = torch.stack([*map(roughness, wheels)]), torch.stack([*map(roughness, axles)])
+        if roughness is None:
+            roughness = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
         slopes, features = [], []
-        for w, x in zip(chunks(wheel, CHUNK), chunks(axle, CHUNK), strict=True):
+        for w, x in zip(row_chunks(wheel, PAIRS_PER_CHUNK), row_chunks(axle, PAIRS_PER_CHUNK), strict=True):
             count = len(w)
-            w, x = (torch.cat([which, which.new_zeros(CHUNK - count)]) for which in (w, x))
+            w, x = (torch.cat([which, which.new_zeros(PAIRS_PER_CHUNK - count)]) for which in (w, x))
             slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x))
-            both = (uneven[0].index_select(0, w).square() + uneven[1].index_select(0, x).square()).sqrt()
+            both = (roughness[0].index_select(0, w).square() + roughness[1].index_select(0, x).square()).sqrt()
             slopes.append(slide.b[:count])
             features.append(torch.cat([both, slide.load, slide.depth, slide.least], dim=1)[:count])
         return torch.cat(slopes), torch.cat(features)
 
-    def law(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def member_laws(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """a, b and the spread of b of every member, (members, pairs) each."""
         x = ((features - self.centre) / self.scale).T.contiguous()  # (F, P)
         hidden = self.first_bias[:, :, None]
@@ -109,50 +109,51 @@ class Energy(nn.Module):
         for row, unit in zip(self.last.unbind(1), hidden.unbind(1), strict=True):
             out = out + row[:, :, None] * unit[:, None]  # (M, K + 2, P)
         *weights, a, wide = out.unbind(1)
-        b = added([weight * slope for weight, slope in zip(weights, slopes.T, strict=True)])
+        b = sum_in_order([weight * slope for weight, slope in zip(weights, slopes.T, strict=True)])
         # the spread grows with the roughness of both faces: it is learned per micrometre of it, in thousandths
-        return a, b, 0.5 * (wide + (wide.square() + 1.0).sqrt()) * features[:, 0] + FLOOR
+        return a, b, 0.5 * (wide + (wide.square() + 1.0).sqrt()) * features[:, 0] + LEAST_SPREAD
 
-    def members(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+    def member_predictions(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Means and standard deviations of every member, (members, pairs, k) each."""
-        a, b, spread = self.law(slopes, features)
+        a, b, spread = self.member_laws(slopes, features)
         return a[..., None] * micro + b[..., None], spread[..., None].expand(-1, -1, micro.shape[1])
 
     def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
         each = torch.arange(len(wheel), device=wheel.device)
-        return self.gathered(*self.prepare(wheel, axle, each, each), micro)
+        return self.predict_prepared(*self.prepare(wheel, axle, each, each), micro)
 
-    def gathered(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
-        """The same from prepared faces: mean over the ensemble, spread of the packings and of the members together.
+    def predict_prepared(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean over the ensemble, and spread of the packings and of the members together, from what `prepare` gives.
 
         Exactly affine in the micro coefficient, in the precision of `micro`.
         """
-        return self.at(self.laws(slopes, features), micro)
+        return self.evaluate_laws(self.affine_laws(slopes, features), micro)
 
-    def laws(self, slopes: Tensor, features: Tensor) -> Tensor:
-        """`law` with a row for each pair, (pairs, 3, members)."""
-        parts = zip(*(chunks(part, LAW) for part in (slopes, features)), strict=True)
-        return torch.cat([torch.stack(self.law(s, f)).permute(2, 0, 1) for s, f in parts])
+    def affine_laws(self, slopes: Tensor, features: Tensor) -> Tensor:
+        """Affine laws of every member with a row for each pair: a, b and the spread of b, (pairs, 3, members)."""
+        parts = zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (slopes, features)), strict=True)
+        return torch.cat([torch.stack(self.member_laws(s, f)).permute(2, 0, 1) for s, f in parts])
 
-    def at(self, laws: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
-        """What `laws` give at micro coefficients: mean and spread as in `gathered`."""
+    def evaluate_laws(self, laws: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and spread at micro coefficients, from `affine_laws`; as `predict_prepared`."""
         means, spreads = [], []
-        for rows, m in zip(*(chunks(part, LAW) for part in (laws, micro)), strict=True):
+        for rows, m in zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (laws, micro)), strict=True):
             a, b, spread = rows.permute(1, 2, 0).contiguous()  # (M, P) each
-            a_mean, b_mean = average(a), average(b)  # (P,)
-            apart = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
+            a_mean, b_mean = mean_in_order(a), mean_in_order(b)  # (P,)
+            offset = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
             means.append(a_mean[:, None] * m + b_mean[:, None])
-            spreads.append(self.widening * (average(spread.square())[:, None] + average(apart.square())).sqrt())
+            variance = mean_in_order(spread.square())[:, None] + mean_in_order(offset.square())
+            spreads.append(self.widening * variance.sqrt())
         return torch.cat(means), torch.cat(spreads)
 
-    def holds(self, features: Tensor) -> Tensor:
+    def keeps_contact(self, features: Tensor) -> Tensor:
         """Whether the plates keep in contact all along the slide, (pairs,)."""
         return features[:, -1] > self.lost
 
 
-def roughness(face: Tensor) -> Tensor:
-    """Of the part of a face above its median: rms height above it [mm], rms step between rows and columns [mm]; (2,).
+def upper_roughness(face: Tensor) -> Tensor:
+    """Rms height above the median [mm] and rms step between neighbours [mm] of the upper half of a face; (2,).
 
     The lower part carries nothing, and the envelope of spheres has deep gaps there.
     """
@@ -161,28 +162,32 @@ def roughness(face: Tensor) -> Tensor:
     return torch.stack([upper.square().mean(), steps.square().mean()]).sqrt()
 
 
-def chunks(values: Tensor, size: int) -> tuple[Tensor, ...]:
-    """Rows, `size` at a time."""
+def row_chunks(values: Tensor, size: int) -> tuple[Tensor, ...]:
+    """Split a tensor into parts of `size` rows."""
     parts: tuple[Tensor, ...] = torch.split(values, size)  # type: ignore[no-untyped-call,unused-ignore]
     return parts
 
 
-def added(terms: Sequence[Tensor]) -> Tensor:
-    """Their sum, one after the other, so that its bits do not depend on the shape."""
+def sum_in_order(terms: Sequence[Tensor]) -> Tensor:
+    """Sum of the terms, one after the other, so that its bits do not depend on the shape."""
     return reduce(torch.add, terms)
 
 
-def average(members: Tensor) -> Tensor:
-    """Mean over the first dimension, as `added`."""
-    return added(members.unbind(0)) / len(members)
+def mean_in_order(members: Tensor) -> Tensor:
+    """Mean over the first dimension, summed as in `sum_in_order`."""
+    return sum_in_order(members.unbind(0)) / len(members)
 
 
-class Paper(nn.Module):
+class LallemanCNN(nn.Module):
     """The network of Lalleman et al.: a convolutional branch for each face, one for the micro coefficient.
 
     Five convolutions of 3 x 3 with a decreasing number of filters and relu, flattened; both and the micro coefficient
     concatenated; five dense layers with relu. Heights and micro coefficients are scaled to [0, 1] by the ranges of the
     training set, the meso coefficient too. It states no uncertainty: the spread is one number, from validation.
+
+    Args:
+        points: points of a wheel's face along its edge, n + 1.
+        filters: number of filters of each convolution.
     """
 
     def __init__(self, points: int = 33, filters: tuple[int, ...] = (16, 12, 8, 6, 4)) -> None:
@@ -212,6 +217,7 @@ class Paper(nn.Module):
 
     @staticmethod
     def _branch(filters: tuple[int, ...]) -> nn.Sequential:
+        """The convolutions of one face."""
         layers: list[nn.Module] = []
         for inputs, outputs in zip((1, *filters[:-1]), filters, strict=True):
             layers += [nn.Conv2d(inputs, outputs, 3, padding=1), nn.ReLU()]

@@ -14,8 +14,8 @@ from torch import Tensor
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 from ..errors import PredictionError
-from .checkpoint import Model, Provenance, load
-from .model import Energy, Paper
+from .checkpoint import Model, Provenance, load_checkpoint
+from .model import FoundationEnsemble, LallemanCNN
 from .shipped import NETWORK
 
 
@@ -24,10 +24,10 @@ class Prediction:
     """Meso coefficients of pairs, shape (pairs,) each."""
 
     mean: FloatArray
-    """Over packings of the same two surfaces [-]; may be a little below 0."""
+    """Mean over packings of the same two surfaces [-]; may be a little below 0."""
     spread: FloatArray
     """Standard deviation of one packing's coefficient and of the network together [-]."""
-    held: BoolArray
+    in_contact: BoolArray
     """Whether the plates keep in contact all along the slide, as predicted; where they do not, errors are largest.
 
     False where the smallest load of the stiffest foundation is below a share that is chosen to catch nine of ten such
@@ -40,7 +40,7 @@ class Predictor:
     """A trained network, ready to be asked.
 
     Args:
-        path: of a checkpoint; the shipped network where it is left out.
+        path: a checkpoint; the shipped network where it is left out.
 
     Raises:
         CheckpointError: it cannot be read, or is not what it says.
@@ -50,7 +50,7 @@ class Predictor:
     provenance: Provenance
 
     def __init__(self, path: Path | None = None) -> None:
-        self.model, self.provenance = load(NETWORK if path is None else path)
+        self.model, self.provenance = load_checkpoint(NETWORK if path is None else path)
 
     def __call__(
         self,
@@ -67,8 +67,8 @@ class Predictor:
         Args:
             wheels: heights outward from the nominal face on 1 x 1 mm (wheels, n + 1, n + 1) [mm].
             axles: on 2 x 1 mm (axles, 2 n + 1, n + 1) [mm].
-            wheel: (pairs,).
-            axle: (pairs,).
+            wheel: number of the wheel of each pair (pairs,).
+            axle: number of the axle of each pair (pairs,).
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
@@ -87,27 +87,27 @@ class Predictor:
         )
         first, second = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
         with torch.inference_mode():
-            if isinstance(self.model, Energy):
+            if isinstance(self.model, FoundationEnsemble):
                 slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
-                return self.answer(self.model.laws(slopes, features), self.model.holds(features), micro)
+                return self.answer(self.model.affine_laws(slopes, features), self.model.keeps_contact(features), micro)
             mean, spread = self._one_by_one(self.model, wheel_faces, axle_faces, first, second, micros)
         return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
 
-    def answer(self, laws: Tensor, held: Tensor, micro: float | FloatArray) -> Prediction:
+    def answer(self, laws: Tensor, in_contact: Tensor, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
 
         Args:
-            laws: of a network `energy`, from its `laws` (pairs, 3, members).
-            held: from its `holds` (pairs,).
+            laws: affine laws of an ensemble, from its `affine_laws` (pairs, 3, members).
+            in_contact: from its `keeps_contact` (pairs,).
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
             PredictionError: a micro coefficient that is not finite.
         """
-        assert isinstance(self.model, Energy)
+        assert isinstance(self.model, FoundationEnsemble)
         micros = self._micros(micro, len(laws))
         with torch.inference_mode():
-            return _prediction(*self.model.at(laws, micros), held)
+            return _prediction(*self.model.evaluate_laws(laws, micros), in_contact)
 
     @staticmethod
     def _micros(micro: float | FloatArray, pairs: int) -> Tensor:
@@ -119,9 +119,9 @@ class Predictor:
 
     @staticmethod
     def _one_by_one(
-        model: Paper, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor, micro: Tensor
+        model: LallemanCNN, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor, micro: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """The paper's network: the bits of its matrix products depend on the place in a batch."""
+        """Predict pair by pair: the bits of matrix products depend on the place in a batch."""
         mean, spread = torch.empty(len(micro), 1), torch.empty(len(micro), 1)
         for i, (w, x) in enumerate(zip(wheel.tolist(), axle.tolist(), strict=True)):
             mean[i], spread[i] = model(wheels[w][None], axles[x][None], micro[i : i + 1].float())
@@ -129,6 +129,7 @@ class Predictor:
 
     @staticmethod
     def _check(name: str, heights: npt.NDArray[np.floating[Any]], shape: tuple[int, int]) -> None:
+        """Refuse surfaces of another grid, or with values that are not finite."""
         if heights.ndim != 3 or heights.shape[1:] != shape:
             raise PredictionError(
                 f"surfaces of the {name} have the shape {heights.shape}, not (any, {shape[0]}, {shape[1]}): "
@@ -139,6 +140,6 @@ class Predictor:
             raise PredictionError(f"surface {which} of the {name} has heights that are not finite")
 
 
-def _prediction(mean: Tensor, spread: Tensor, held: Tensor) -> Prediction:
-    """Of columns (pairs, 1)."""
-    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), held.numpy())
+def _prediction(mean: Tensor, spread: Tensor, in_contact: Tensor) -> Prediction:
+    """A record from columns (pairs, 1)."""
+    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), in_contact.numpy())

@@ -13,17 +13,18 @@ from torch import Tensor, nn
 from macrofit.base.files import replacing
 
 ENTRY = "macrofit-surrogate-state"
-EVERY = 20.0
-"""Seconds between two states."""
+SAVE_PERIOD_S = 20.0
+"""Time between two states [s]."""
 Tensors = dict[str, Tensor]
+"""Tensors by name."""
 
 
-class Saved:
+class TrainingState:
     """A file with the state of a training; one that is damaged or of another training is as good as none.
 
     Args:
-        path: of the file; None keeps nothing.
-        key: names all that the training's bits depend on.
+        path: the file; None keeps nothing.
+        key: text that names all that the training's bits depend on.
     """
 
     def __init__(self, path: Path | None, key: str) -> None:
@@ -31,7 +32,7 @@ class Saved:
         self._last = time.monotonic()
 
     def read(self) -> Tensors | None:
-        """What was saved by the same training."""
+        """Read what the same training saved; None if there is nothing."""
         if self.path is None:
             return None
         with (
@@ -44,11 +45,11 @@ class Saved:
         return None
 
     def due(self) -> bool:
-        """Whether it is time for the next."""
-        return self.path is not None and time.monotonic() - self._last >= EVERY
+        """Whether the last state is old enough for the next."""
+        return self.path is not None and time.monotonic() - self._last >= SAVE_PERIOD_S
 
     def write(self, tensors: Tensors) -> None:
-        """Put it in the place of the one before, in one step.
+        """Put a state in the place of the one before, in one step.
 
         Raises:
             OutputError: it cannot be written.
@@ -60,13 +61,13 @@ class Saved:
         self._last = time.monotonic()
 
     def remove(self) -> None:
-        """The training is over."""
+        """Remove the file: the training is over."""
         if self.path is not None:
             with suppress(OSError):
                 self.path.unlink(missing_ok=True)
 
 
-def packed(model: nn.Module, optimiser: torch.optim.Optimizer, kept: Tensors) -> Tensors:
+def pack_state(model: nn.Module, optimiser: torch.optim.Optimizer, kept: Tensors) -> Tensors:
     """Parameters, the kept ones, the optimiser's moments and the generator, as copies by name."""
     moments = optimiser.state_dict()["state"]
     state = {f"model.{name}": value for name, value in model.state_dict().items()}
@@ -76,8 +77,8 @@ def packed(model: nn.Module, optimiser: torch.optim.Optimizer, kept: Tensors) ->
     return {name: value.detach().cpu().clone().contiguous() for name, value in state.items()}
 
 
-def unpack(state: Tensors, model: nn.Module, optimiser: torch.optim.Optimizer) -> Tensors:
-    """Put it all back; gives the kept parameters."""
+def restore_state(state: Tensors, model: nn.Module, optimiser: torch.optim.Optimizer) -> Tensors:
+    """Put a state back into model, optimiser and generator; gives the kept parameters."""
     model.load_state_dict(_under("model.", state))
     moments: dict[int, Tensors] = {}
     for name, value in _under("moments.", state).items():
@@ -89,4 +90,5 @@ def unpack(state: Tensors, model: nn.Module, optimiser: torch.optim.Optimizer) -
 
 
 def _under(prefix: str, state: Tensors) -> Tensors:
+    """The tensors whose names begin with a prefix, without it."""
     return {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}

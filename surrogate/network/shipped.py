@@ -6,10 +6,10 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent / "models"
 NETWORK = FOLDER / "energy.safetensors"
-"""Energy network for faces as generated."""
+"""Ensemble on foundations for faces as generated."""
 ENVELOPE = FOLDER / "envelope.safetensors"
-"""Energy network for the envelopes of the spheres."""
+"""Ensemble on foundations for the envelopes of the spheres."""
 PAPER = FOLDER / "paper.safetensors"
-"""The paper's architecture, trained on the same split."""
+"""Convolutional network as Lalleman et al. describe it, trained on the same split."""
 EVALUATION = FOLDER / "evaluation.csv"
 """Friction tests of a hundred pairs of surfaces that no network here was trained on."""

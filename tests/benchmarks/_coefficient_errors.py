@@ -17,11 +17,12 @@ from macrofit.friction import BuildContext, StatesUncertainty, TilePairs, build
 from macrofit.solution import PairFrictionMap, Solution
 from surrogate.data.samples import Samples
 from surrogate.data.table import read_table
-from surrogate.evaluation.run import measured, predicted
-from surrogate.network.dataset import pairs
+from surrogate.evaluation.measured import arrange_tests
+from surrogate.evaluation.predicted import predict_tests
+from surrogate.network.dataset import pair_tensors
 from surrogate.network.predict import Predictor
+from surrogate.network.score import predict_pairs
 from surrogate.network.shipped import EVALUATION
-from surrogate.network.train import predict
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -136,9 +137,9 @@ def examine(
 def evaluated() -> tuple[float, float, float, float]:
     """Of the evaluation at `MICRO`: the network's mean error and its standard error, over the coefficient; standard
     deviations of the network's error against the mean over packings and of one packing, over that stated."""
-    data = measured(read_table(EVALUATION).samples)
+    data = arrange_tests(read_table(EVALUATION).samples)
     predictor = Predictor()
-    answer = predicted(predictor.model, predictor.provenance, data)
+    answer = predict_tests(predictor.model, predictor.provenance, data)
     k = int(np.argmin(np.abs(data.micro - MICRO)))
     meso, said, stated = data.meso[..., k], answer.mean[:, 0, k], answer.spread[:, 0, k]  # (n, p), (n,), (n,)
     off = (said - meso.mean(1)) / meso.mean(1)
@@ -152,8 +153,8 @@ def common_to_packing(samples: Samples) -> float:
 
     From the variance between packings in a one-way analysis of plates less network, at least 0 (Searle et al. 1992).
     """
-    predictor, data = Predictor(), pairs(samples)
-    mean, spread = predict(predictor.model, data.wheel, data.axle, data.micro)
+    predictor, data = Predictor(), pair_tensors(samples)
+    mean, spread = predict_pairs(predictor.model, data.wheel, data.axle, data.micro)
     off = ((data.meso - mean) / spread).double().mean(1).numpy()  # the same at all micro coefficients but for a
     _, group = np.unique(samples.packing_seed, return_inverse=True)
     size = np.bincount(group)

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from surrogate.data.database import Header, Samples
-from surrogate.data.faces import generated
+from surrogate.data.faces import generated_face
 from surrogate.data.journal import journal_of
 from surrogate.network.foundation import Foundation
 
@@ -61,7 +61,7 @@ def made_up(count: int, rng: np.random.Generator | None = None) -> Samples:
     rows["id"] = rows["wheel_seed"] = rows["axle_seed"] = rows["packing_seed"] = np.arange(count)
     keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
     for k in range(count):
-        rows["wheel"][k], rows["axle"][k] = generated("wheel", k, **keys), generated("axle", k, **keys)
+        rows["wheel"][k], rows["axle"][k] = generated_face("wheel", k, **keys), generated_face("axle", k, **keys)
     if rng is not None:
         for name in ("wheel_envelope", "axle_envelope"):
             rows[name] = rng.normal(scale=keys["max_height"] / 4.0, size=rows[name].shape)

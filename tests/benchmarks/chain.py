@@ -39,7 +39,7 @@ from macrofit.base.arrays import FloatArray
 from macrofit.scene import load_scene
 from macrofit.solution import PairFrictionMap, Solution
 from macrofit.solve import solve
-from surrogate.data.database import read
+from surrogate.data.database import read_database
 
 from ._coefficient_errors import MICRO, SEED, CoefficientErrors, Shares, drawn, examine
 from ._database import default_database
@@ -214,7 +214,7 @@ def main(words: Sequence[str]) -> int:
     sizes = Sizes(SMALL, 2, 2, (2, 2), 600, 0.002) if options.quick else Sizes()
     with TemporaryDirectory() as name:
         chain = Chain(sizes.overrides, Path(name))
-        samples = None if options.quick else read(default_database()).samples
+        samples = None if options.quick else read_database(default_database()).samples
         plates = examine(chain.reference, samples, sizes.block, sizes.spheres, sizes.fine)
         links = budget(chain, plates, sizes)
     last = chain.reference.increments[-1]

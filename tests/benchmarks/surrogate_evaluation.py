@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from surrogate.evaluation.run import evaluation
+from surrogate.evaluation.run import evaluate_network
 from surrogate.network.shipped import ENVELOPE, EVALUATION, NETWORK, PAPER
 
 from ._database import evaluation_database
@@ -56,8 +56,8 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="without the envelopes, whose database takes minutes")
     options = parser.parse_args(words)
     with tempfile.TemporaryDirectory() as folder:
-        said, _ = evaluation(EVALUATION, NETWORK, (PAPER,), Path(folder))
-        enveloped = None if options.quick else evaluation(evaluation_database(), ENVELOPE, (), Path(folder))[0]
+        said, _ = evaluate_network(EVALUATION, NETWORK, (PAPER,), Path(folder))
+        enveloped = None if options.quick else evaluate_network(evaluation_database(), ENVELOPE, (), Path(folder))[0]
     print(head("mean relative error [%], micro coefficient", *KINDS))
     for micro, one in said["by_micro_friction"].items():
         print(row(micro, *cells(one, one, enveloped and enveloped["by_micro_friction"][micro])))

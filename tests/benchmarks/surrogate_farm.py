@@ -20,7 +20,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from surrogate.data.database import read
+from surrogate.data.database import read_database
 
 ROOT = Path(__file__).parents[2]
 
@@ -37,8 +37,12 @@ def wall_s(path: Path, pairs: int, spheres: int, jobs: int) -> float:
     first, began = 0, 0.0
     while process.poll() is None:
         time.sleep(0.05)
-        if not began and path.with_name(f"{path.name}.journal").exists() and len(read(path).samples) >= 2 * jobs:
-            first, began = len(read(path).samples), time.perf_counter()
+        if (
+            not began
+            and path.with_name(f"{path.name}.journal").exists()
+            and len(read_database(path).samples) >= 2 * jobs
+        ):
+            first, began = len(read_database(path).samples), time.perf_counter()
     return (time.perf_counter() - began) / (pairs - first)
 
 
@@ -52,7 +56,7 @@ def kill_often(path: Path, pairs: int, spheres: int, kills: int) -> tuple[int, i
         time.sleep(delays.uniform(1.0, 6.0))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        there = read(path).samples.id.tolist()
+        there = read_database(path).samples.id.tolist()
         lost += len(seen - set(there))
         doubled += len(there) - len(set(there))
         seen = set(there)
@@ -73,7 +77,7 @@ def main(words: Sequence[str]) -> int:
         seconds = {jobs: wall_s(path, pairs, spheres, jobs) for jobs, path in paths.items()}
         killed = Path(folder) / "killed.h5"
         lost, doubled = kill_often(killed, pairs, spheres, kills)
-        same = len({read(path).content_hash for path in (*paths.values(), killed)}) == 1
+        same = len({read_database(path).content_hash for path in (*paths.values(), killed)}) == 1
         print(f"{os.cpu_count()} cores, {spheres} spheres, {pairs} pairs of plates, two micro coefficients")
         print("| processes | wall [s] per pair | 1000 pairs [min] | speed-up |")
         print("|---|---|---|---|")

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.data.database import Samples, read
-from surrogate.evaluation.run import take
-from surrogate.network.dataset import folds, pairs
-from surrogate.network.train import Scores, score, train
+from surrogate.data.database import Samples, read_database
+from surrogate.evaluation.measured import select_samples
+from surrogate.network.dataset import pair_tensors, split_into_folds
+from surrogate.network.score import Scores, score_network
+from surrogate.network.train import train_network
 
 from ._database import default_database, made_up
 
@@ -30,12 +31,12 @@ SIZES = (32, 64, 128, 256, 512, 900)
 
 def judged(samples: Samples, size: int, parts: int, **options: Any) -> list[Scores]:
     """Scores on each of the first `parts` of ten folds, of networks that learned from `size` pairs of the others."""
-    dealt, scores = folds(samples, 10), []
+    dealt, scores = split_into_folds(samples, 10), []
     for held in dealt[:parts]:
         others = np.setdiff1d(np.arange(len(samples)), held)
         chosen = np.sort(np.random.default_rng(0).permutation(others)[:size])
-        trained = train(take(samples, chosen), **options)
-        scores.append(score(trained.model, pairs(take(samples, held), options["faces"])))
+        trained = train_network(select_samples(samples, chosen), **options)
+        scores.append(score_network(trained.model, pair_tensors(select_samples(samples, held), options["faces"])))
     return scores
 
 
@@ -49,7 +50,7 @@ def main(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     torch.set_num_threads(1)
     quick: bool = options.quick
-    samples = made_up(60) if quick else read(options.database or default_database()).samples
+    samples = made_up(60) if quick else read_database(options.database or default_database()).samples
     sizes = (24, 48) if quick else tuple(n for n in SIZES if n <= 0.9 * len(samples))
     kinds: list[tuple[str, int, dict[str, Any]]] = [
         ("energy, generated faces", 2 if quick else 10, {"faces": "generated"}),
@@ -78,9 +79,9 @@ def main(words: Sequence[str]) -> int:
 
 def draw(curves: dict[str, list[tuple[int, float, float]]], target: Path) -> None:
     """Error over the number of pairs."""
-    from surrogate.evaluation.plots import BLUE, GREEN, ORANGE, save, sheet
+    from macrofit.base.figure import BLUE, GREEN, ORANGE, save, sheet
 
-    figure, axes = sheet(6.0, 3.8)
+    figure, (axes,) = sheet(6.0, 3.8)
     for (name, rows), colour in zip(curves.items(), (BLUE, GREEN, ORANGE), strict=False):
         size, mean, wide = np.array(rows).T
         axes.errorbar(size, mean, wide, fmt="o-", ms=4, lw=1.4, capsize=2, color=colour, label=name)

@@ -23,10 +23,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from surrogate.data.database import Samples, content_hash, open_database, read
-from surrogate.data.faces import generated
-from surrogate.data.generate import Design, Here, generate, plates
-from surrogate.evaluation.run import take
+from surrogate.data.database import Samples, content_hash, open_database, read_database
+from surrogate.data.design import Design
+from surrogate.data.faces import generated_face
+from surrogate.data.farm import Here
+from surrogate.data.generate import generate_samples
+from surrogate.data.sample import plate_settings
+from surrogate.evaluation.measured import select_samples
 from surrogate.network.predict import Predictor
 
 from ._database import TOY, made_up
@@ -47,7 +50,7 @@ import time, torch
 from pathlib import Path
 import numpy as np
 from surrogate.data.database import read
-from surrogate.evaluation.run import take
+from surrogate.evaluation.measured import take
 from surrogate.network.train import train
 torch.set_num_threads(1)
 
@@ -77,16 +80,16 @@ def fill(path: Path, samples: Samples) -> None:
 def databases(every: Samples, sizes: Sequence[int], folder: Path, repeats: int) -> Iterator[dict[str, float]]:
     """What databases of these sizes cost, a row each; one sample of `every` is left for each to be added."""
     least = folder / "least.h5"
-    fill(least, take(every, np.arange(FEWEST)))
+    fill(least, select_samples(every, np.arange(FEWEST)))
     bare = float(alone(TRAINING.format(path=str(least), epochs=1, fewest=FEWEST))[-1])
     for size in sizes:
-        path, samples = folder / f"{size}.h5", take(every, np.arange(size))
+        path, samples = folder / f"{size}.h5", select_samples(every, np.arange(size))
         written, _ = cpu(partial(fill, path, samples), repeats=1, warm=0)
         setup, epoch, peak = map(float, alone(TRAINING.format(path=str(path), epochs=EPOCHS, fewest=FEWEST)))
         size_mb = path.stat().st_size / 1e6
-        reading, _ = cpu(partial(read, path), repeats)
+        reading, _ = cpu(partial(read_database, path), repeats)
         hashing, _ = cpu(partial(content_hash, samples), repeats)
-        one = take(every, np.array([len(every) - 1]))
+        one = select_samples(every, np.array([len(every) - 1]))
         added, _ = cpu(partial(fill, path, one), repeats=1, warm=0)
         path.unlink()
         yield {
@@ -107,7 +110,7 @@ def predictions(sizes: Sequence[int], repeats: int) -> Iterator[dict[str, float]
     for size in sizes:
         faces = int(np.ceil(np.sqrt(size)))
         wheels, axles = (
-            np.stack([generated(body, k, levels=3, max_height=0.02, hurst_exponent=0.8) for k in range(faces)])
+            np.stack([generated_face(body, k, levels=3, max_height=0.02, hurst_exponent=0.8) for k in range(faces)])
             for body in ("wheel", "axle")
         )
         wheel, axle = np.divmod(np.arange(size), faces)
@@ -117,16 +120,16 @@ def predictions(sizes: Sequence[int], repeats: int) -> Iterator[dict[str, float]
 
 def generations(sizes: Sequence[int], folder: Path) -> Iterator[dict[str, float]]:
     """CPU time of whole databases of small plates, after a warm one."""
-    settings = plates(["plates.spheres=600"])
+    settings = plate_settings(["plates.spheres=600"])
     with own_cache(folder / "warm"):
-        generate(folder / "warm.h5", Design(), settings, 1, Here())
+        generate_samples(folder / "warm.h5", Design(), settings, 1, Here())
     for size in sizes:
         path = folder / f"farm{size}.h5"
         with own_cache(folder / f"cache{size}"):
             began = time.process_time()
-            generate(path, Design(), settings, size, Here())
+            generate_samples(path, Design(), settings, size, Here())
             taken = time.process_time() - began
-        found = read(path)
+        found = read_database(path)
         if len(found.samples) + len(found.failures) != size:
             raise RuntimeError(f"{size} pairs were asked for, {len(found.samples)} are there")
         yield {"CPU s": taken, "pairs per CPU s": size / taken}

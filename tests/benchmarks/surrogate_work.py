@@ -21,12 +21,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogate.data.database import Samples, read
-from surrogate.data.faces import generated
-from surrogate.evaluation.run import take
-from surrogate.network.dataset import folds, pairs
-from surrogate.network.model import Energy
-from surrogate.network.train import Trained, score, train
+from surrogate.data.database import Samples, read_database
+from surrogate.data.faces import generated_face
+from surrogate.evaluation.measured import select_samples
+from surrogate.network.dataset import pair_tensors, split_into_folds
+from surrogate.network.model import FoundationEnsemble
+from surrogate.network.score import score_network
+from surrogate.network.train import Trained, train_network
 
 from ._database import default_database, made_up
 from ._measure import Cost, cpu, frontier, head, row, save
@@ -75,12 +76,14 @@ def standard_error(by_fold: np.ndarray) -> np.ndarray:
 def judged(samples: Samples, dealt: Sequence[np.ndarray], **options: Any) -> tuple[np.ndarray, Cost, list[Trained]]:
     """Errors by fold, CPU time of the trainings, and what they gave."""
     errors, seconds, networks = [], [], []
-    for held in dealt:
-        others = take(samples, np.setdiff1d(np.arange(len(samples)), held))
+    for fold in dealt:
+        others = select_samples(samples, np.setdiff1d(np.arange(len(samples)), fold))
         started = time.process_time()
-        networks.append(train(others, **options))
+        networks.append(train_network(others, **options))
         seconds.append(time.process_time() - started)
-        found = score(networks[-1].model, pairs(take(samples, held), points=options.get("points"))).error
+        found = score_network(
+            networks[-1].model, pair_tensors(select_samples(samples, fold), points=options.get("points"))
+        ).error
         errors.append((found["0.07"], np.mean(list(found.values()))))
     return np.array(errors), Cost(tuple(seconds)), networks
 
@@ -91,7 +94,7 @@ class Seat:
     def __init__(self, tiles: int, repeats: int) -> None:
         keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
         self.wheels, self.axles = (
-            torch.from_numpy(np.stack([generated(body, 100_000 + k, **keys) for k in range(tiles)]))
+            torch.from_numpy(np.stack([generated_face(body, 100_000 + k, **keys) for k in range(tiles)]))
             for body in ("wheel", "axle")
         )
         bore, seat = np.divmod(np.arange(tiles * tiles), tiles)
@@ -100,7 +103,7 @@ class Seat:
         self.repeats = repeats
         self._prepared: dict[int, tuple[Cost, Any]] = {}
 
-    def predicting(self, model: Energy, points: int) -> Cost:
+    def predicting(self, model: FoundationEnsemble, points: int) -> Cost:
         """CPU time of all pairs; the foundations, which are the same for all networks of a grid, are timed once."""
         step = (self.wheels.shape[1] - 1) // (points - 1)
         wheels, axles = (faces[:, ::step, ::step].contiguous() for faces in (self.wheels, self.axles))
@@ -111,7 +114,7 @@ class Seat:
                     lambda: model.prepare(wheels, axles, self.bore, self.seat), repeats=self.repeats
                 )
             faces, prepared = self._prepared[points]
-            laws, _ = cpu(lambda: model.gathered(*prepared, micro), repeats=self.repeats)
+            laws, _ = cpu(lambda: model.predict_prepared(*prepared, micro), repeats=self.repeats)
         return Cost(tuple(a + b for a, b in zip(faces.seconds, laws.seconds, strict=True)))
 
 
@@ -124,10 +127,10 @@ def main(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     torch.set_num_threads(1)
     quick: bool = options.quick
-    samples = made_up(60) if quick else read(options.database or default_database()).samples
-    dealt = folds(samples, FOLDS)[: 2 if quick else FOLDS]
+    samples = made_up(60) if quick else read_database(options.database or default_database()).samples
+    dealt = split_into_folds(samples, FOLDS)[: 2 if quick else FOLDS]
     seat = Seat(20 if quick else TILES, repeats=1 if quick else 3)
-    train(take(samples, np.arange(40)), epochs=2)  # warm
+    train_network(select_samples(samples, np.arange(40)), epochs=2)  # warm
     print(
         f"{len(samples)} pairs, {len(dealt)} of {FOLDS} folds; {len(seat.bore)} pairs of tiles predicted. Errors in %, "
         f"± one standard error over the folds. The default has {DEFAULT}.\n"
@@ -137,7 +140,7 @@ def main(words: Sequence[str]) -> int:
     for series, label, one in CHOICES[:: 5 if quick else 1]:
         errors, training, networks = judged(samples, dealt, **({"epochs": 3} if quick else {}) | one)
         model = networks[0].model
-        assert isinstance(model, Energy)
+        assert isinstance(model, FoundationEnsemble)
         rows.append(
             Row(
                 series,

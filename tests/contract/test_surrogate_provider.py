@@ -32,8 +32,8 @@ from macrofit.solve import solve
 from meso.plates import make_plate, rough_face
 from meso.provider import DirectDem, TileFriction
 from meso.settings import SurfaceKeys
-from surrogate.data.faces import generated
-from surrogate.data.faces import heights as sampled
+from surrogate.data.faces import generated_face
+from surrogate.data.faces import sampled_heights as sampled
 from surrogate.network.predict import Predictor
 from surrogate.provider import Surrogate, TileNetwork
 
@@ -78,14 +78,14 @@ def answers(provider: Any, *pairs: tuple[int, int]) -> list[float]:
 class Fake:
     """Tiles that answer every batch alike, and remember how many pairs it had."""
 
-    def __init__(self, mean: list[float], held: list[bool] | None = None) -> None:
-        self.mean, self.held = mean, held
+    def __init__(self, mean: list[float], in_contact: list[bool] | None = None) -> None:
+        self.mean, self.in_contact = mean, in_contact
         self.batches: list[int] = []
 
     def predict(self, seat: Any, bore: Any, micro: float) -> SimpleNamespace:
         self.batches.append(len(seat))
-        held = np.array(self.held or [True] * len(self.mean))
-        return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), held=held)
+        in_contact = np.array(self.in_contact or [True] * len(self.mean))
+        return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), in_contact=in_contact)
 
 
 # The answer
@@ -119,7 +119,7 @@ def test_it_is_the_network_on_the_surfaces_of_the_plates(model: str, network: Pr
     assert answers(provider, *PAIRS) == expected.mean[[2, 0, 1, 2]].tolist()
     assert provider.uncertainty(asked(*PAIRS)).tolist() == expected.spread[[2, 0, 1, 2]].tolist()
     assert len(set(expected.mean)) == 3
-    assert (provider.clipped, provider.out_of_range, provider.unheld) == (0, 0, 0)
+    assert (provider.clipped, provider.out_of_range, provider.losing_contact) == (0, 0, 0)
 
 
 def test_surfaces_are_those_of_the_provider_dem(model: str) -> None:
@@ -237,9 +237,9 @@ def test_a_tile_that_is_none_is_the_providers_error(model: str) -> None:
 
 def test_surfaces_that_cannot_be_made_are_the_providers_error(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(body: Any, seed: int, **keys: Any) -> Any:
-        return generated(body, seed, **keys | {"hurst_exponent": 2.0})
+        return generated_face(body, seed, **keys | {"hurst_exponent": 2.0})
 
-    monkeypatch.setattr("surrogate.tiles.generated", refused)
+    monkeypatch.setattr("surrogate.tiles.generated_face", refused)
     with pytest.raises(ProviderError, match="friction provider 'surrogate': surface of the wheel: hurst_exponent"):
         answers(made(model, seed=13), (0, 0))
 
@@ -400,7 +400,7 @@ def test_unseen_inputs_can_be_predicted_with_a_warning(
         provider = build("surrogate", options | {"model": model, "fallback": "warning"}, context(**changed))
     assert isinstance(provider, TileNetwork)
     keys = msgspec.structs.asdict(provider.options.surface)
-    wheel, axle = generated("wheel", 65538, **keys), generated("axle", 65537, **keys)
+    wheel, axle = generated_face("wheel", 65538, **keys), generated_face("axle", 65537, **keys)
     one = np.zeros(1, dtype=np.int64)
     expected = max(0.0, network(wheel[None], axle[None], one, one, provider.options.micro_friction).mean[0])
     assert answers(provider, (1, 2), (1, 2)) == [expected, expected]
@@ -443,7 +443,7 @@ def test_plates_that_cannot_be_built_either_are_one_line(model: str) -> None:
 def test_pairs_that_lose_contact_are_counted() -> None:
     provider = TileNetwork(Fake([0.1, 0.2, 0.3], [True, False, False]), Surrogate())  # type: ignore[arg-type]
     assert answers(provider, *PAIRS) == [0.3, 0.1, 0.2, 0.3]
-    assert provider.unheld == 2
+    assert provider.losing_contact == 2
     assert provider.uncertainty(asked(*PAIRS)).tolist() == 4 * [0.01]
 
 
@@ -466,7 +466,7 @@ def test_pairs_that_lose_contact_go_to_the_plates(model: str, monkeypatch: pytes
     found = answers(provider, (5, 5), *PAIRS)
     expected = answers(dem, (5, 5), (2, 3))
     assert found == [expected[0], 0.3, 0.1, expected[1], 0.3]
-    assert (provider.unheld, built) == (2, ["dem"])
+    assert (provider.losing_contact, built) == (2, ["dem"])
     spread = provider.uncertainty(asked((5, 5), *PAIRS))
     stated = answered(dem, asked((5, 5), (2, 3)), "dem").uncertainty
     assert np.array_equal(spread, [stated[0], 0.01, 0.01, stated[1], 0.01], equal_nan=True)

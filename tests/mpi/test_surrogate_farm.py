@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import Mpirun, launcher_environment
 
-from surrogate.data.database import read
+from surrogate.data.database import read_database
 
 PAIRS = 6
 ROOT = Path(__file__).parents[2]
@@ -25,14 +25,14 @@ def alone(tmp_path_factory):
     command = [sys.executable, *COMMAND, "-o", str(path), "--jobs", "1", "--quiet"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    return read(path)
+    return read_database(path)
 
 
 def test_ranks_make_the_same(alone, tmp_path, mpirun: Mpirun):
     path = tmp_path / "a.h5"
     done = mpirun(3, *COMMAND, "-o", path, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    assert read(path).content_hash == alone.content_hash
+    assert read_database(path).content_hash == alone.content_hash
     assert os.listdir(tmp_path) == ["a.h5"]
     assert done.stdout.count("Content") == 1
 
@@ -54,7 +54,7 @@ def test_killed_and_gone_on_with(alone, tmp_path, mpirun: Mpirun):
         cwd=ROOT, env=launcher_environment(),
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    while not (journal.exists() and len(read(path).samples)):
+    while not (journal.exists() and len(read_database(path).samples)):
         assert job.poll() is None
         time.sleep(0.02)
     time.sleep(delays.uniform(0.0, 0.1))
@@ -67,4 +67,4 @@ def test_killed_and_gone_on_with(alone, tmp_path, mpirun: Mpirun):
             break
         assert "another process is filling" in done.stderr
         assert time.monotonic() < patience
-    assert read(path).content_hash == alone.content_hash
+    assert read_database(path).content_hash == alone.content_hash

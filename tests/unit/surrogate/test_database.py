@@ -22,7 +22,7 @@ import pytest
 from macrofit.base.errors import OutputError
 from macrofit.base.log import frame
 from surrogate.data import database, journal
-from surrogate.data.database import Header, Samples, content_hash, open_database, read, stock
+from surrogate.data.database import Header, Samples, content_hash, describe_database, open_database, read_database
 from surrogate.data.journal import journal_of
 from surrogate.errors import DatabaseError
 
@@ -70,7 +70,7 @@ def begun(path: Path, numbers: list[int]) -> None:
 
 
 def ids(path: Path) -> list[int]:
-    return read(path).samples.id.tolist()
+    return read_database(path).samples.id.tolist()
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -81,11 +81,11 @@ def test_what_is_written_is_read(tmp_path):
         for number in numbers:
             writer.append(row(number))
         writer.fail(3, "too few spheres")
-        from_journal = read(path)
+        from_journal = read_database(path)
         writer.compact()
         writer.append(row(7))
-        from_both = read(path)
-    whole = read(path)
+        from_both = read_database(path)
+    whole = read_database(path)
     assert not journal_of(path).exists()
     assert os.listdir(path.parent) == ["a.h5"]
     assert from_journal.samples.id.tolist() == [0, 2, 5, 9]
@@ -106,10 +106,10 @@ def test_the_hash_is_of_the_content_not_of_the_order_nor_the_time(tmp_path):
     fill(tmp_path / "a.h5", [0, 1, 2, 3])
     fill(tmp_path / "b.h5", [3, 1])
     fill(tmp_path / "b.h5", [0, 2, 3])
-    a, b = read(tmp_path / "a.h5"), read(tmp_path / "b.h5")
+    a, b = read_database(tmp_path / "a.h5"), read_database(tmp_path / "b.h5")
     assert a.content_hash == b.content_hash == content_hash(a.samples)
     assert not np.array_equal(a.samples.cpu_s, b.samples.cpu_s)
-    assert a.content_hash[:20] in stock(tmp_path / "a.h5")[1]
+    assert a.content_hash[:20] in describe_database(tmp_path / "a.h5")[1]
     a.samples.meso_friction[2, 1] += 1e-15
     assert content_hash(a.samples) != b.content_hash
 
@@ -131,7 +131,7 @@ def test_a_torn_tail_costs_one_sample_and_is_written_again(tmp_path):
         assert ids(path) == [0, 1, 2]
         journal_of(path).write_bytes(whole[:cut])
         assert fill(path, [0, 1, 2]) == {0, 1}
-        assert read(path).content_hash == read(tmp_path / "b.h5").content_hash
+        assert read_database(path).content_hash == read_database(tmp_path / "b.h5").content_hash
     path.unlink()
     journal_of(path).write_bytes(whole[: before + 100] + bytes(len(whole) - before - 100))  # a power cut
     assert ids(path) == [0, 1]
@@ -157,13 +157,13 @@ def test_a_damaged_journal_is_told_of(tmp_path):
         garbled[place] ^= 0x40
         journal_of(path).write_bytes(garbled)
         with pytest.raises(DatabaseError, match=r"a\.h5\.journal: is damaged.*move it away"):
-            read(path)
+            read_database(path)
         with pytest.raises(DatabaseError, match="damaged"):
             fill(path, [0])
         assert journal_of(path).read_bytes() == garbled
     journal_of(path).write_bytes(b"something else")
     with pytest.raises(DatabaseError, match="is not the journal"):
-        read(path)
+        read_database(path)
 
 
 def test_a_kill_between_file_and_journal_doubles_nothing(tmp_path):
@@ -175,13 +175,13 @@ def test_a_kill_between_file_and_journal_doubles_nothing(tmp_path):
         writer.compact()
     journal_of(path).write_bytes(old)
     (tmp_path / ".a.h5.draft").write_bytes(b"half a file")
-    found = read(path)
+    found = read_database(path)
     assert found.samples.id.tolist() == [0]
     assert fill(path, [0, 2]) == {0, 1}
     with h5py.File(path) as file:
         assert file["samples/id"][:].tolist() == [0, 2]
         assert file["failures/id"][:].tolist() == [1]
-    assert read(path).failures == {1: "why"}
+    assert read_database(path).failures == {1: "why"}
     assert os.listdir(tmp_path) == ["a.h5"]
 
 
@@ -247,7 +247,7 @@ def test_what_is_no_whole_database_is_refused_by_name(spoil, message, tmp_path):
     path = tmp_path / "a.h5"
     spoil(path)
     with pytest.raises(DatabaseError, match=rf"a\.h5: .*{message}"):
-        read(path)
+        read_database(path)
     if spoil in (foreign_hdf5, other_schema, pickled, Path.touch, Path.mkdir, cut_in_half):
         before = None if path.is_dir() else path.read_bytes()
         with pytest.raises(DatabaseError, match=r"a\.h5: "):
@@ -258,7 +258,7 @@ def test_what_is_no_whole_database_is_refused_by_name(spoil, message, tmp_path):
 
 def test_none_there(tmp_path):
     with pytest.raises(DatabaseError, match=r"none\.h5: there is no such database"):
-        read(tmp_path / "none.h5")
+        read_database(tmp_path / "none.h5")
 
 
 CHANGES = {
@@ -290,7 +290,7 @@ def test_another_version_of_the_same_code_goes_on(tmp_path):
         assert done == {0}
         writer.append(row(1))
         assert ids(path) == [0, 1]
-    assert read(path).header.version == "0.1.0"
+    assert read_database(path).header.version == "0.1.0"
 
 
 def test_one_writer_at_a_time(tmp_path):
@@ -363,7 +363,9 @@ def test_killed_at_any_moment_and_gone_on_with(tmp_path):
     fill(path, whole)
     assert ids(path) == whole
     expected = np.frombuffer(b"".join(map(row, whole)), HEADER.row())
-    assert read(path).content_hash == content_hash(Samples(**{name: expected[name] for name in expected.dtype.names}))
+    assert read_database(path).content_hash == content_hash(
+        Samples(**{name: expected[name] for name in expected.dtype.names})
+    )
     with h5py.File(path) as file:
         assert len(set(file["failures/id"][:])) == len(file["failures/id"])
     assert os.listdir(tmp_path).count(".a.h5.draft") == 0

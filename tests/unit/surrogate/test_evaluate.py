@@ -15,26 +15,17 @@ from meso.plates import rough_face
 from meso.settings import Settings, SurfaceKeys, dump
 from surrogate.cli import main
 from surrogate.data.database import Database, Header, Samples
-from surrogate.data.faces import from_file, generated
+from surrogate.data.faces import generated_face, read_face
 from surrogate.data.table import open_samples, read_table, write_table
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
-from surrogate.evaluation.run import (
-    Predicted,
-    constant_ratio,
-    coverage,
-    errors,
-    evaluation,
-    foundation_alone,
-    measured,
-    predicted,
-    report,
-    slope_r2,
-    unseen,
-)
-from surrogate.network.checkpoint import load, save
-from surrogate.network.dataset import pairs
-from surrogate.network.train import predict as ask
-from surrogate.network.train import train
+from surrogate.evaluation.errors import coverage, relative_errors, slope_r2
+from surrogate.evaluation.measured import arrange_tests, require_unseen
+from surrogate.evaluation.predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
+from surrogate.evaluation.run import evaluate_network, evaluation_report
+from surrogate.network.checkpoint import load_checkpoint, save_checkpoint
+from surrogate.network.dataset import pair_tensors
+from surrogate.network.score import predict_pairs
+from surrogate.network.train import train_network
 
 MICRO = (0.03, 0.05, 0.07, 0.09)
 SETTINGS = dump(Settings())
@@ -55,7 +46,7 @@ def made(pairs: int = PAIRS, packings: int = PACKINGS, seed: int = 0, first: int
     for i in range(count):
         keys = {"levels": 3, "max_height": float(rows["max_height"][i]), "hurst_exponent": 0.8}
         for body in ("wheel", "axle"):
-            rows[body][i] = generated(body, int(rows[f"{body}_seed"][i]), **keys)
+            rows[body][i] = generated_face(body, int(rows[f"{body}_seed"][i]), **keys)
     rows["micro_friction"] = MICRO
     b = np.repeat(1e-3 * rng.standard_normal(pairs), packings)
     true = 1.03 * rows["micro_friction"] + b[:, None]
@@ -67,19 +58,19 @@ def made(pairs: int = PAIRS, packings: int = PACKINGS, seed: int = 0, first: int
 
 
 SAMPLES = made()
-DATA = measured(SAMPLES)
-TRUE = Predicted("true", DATA.spread_out(DATA.meso.mean(1)), np.full((PAIRS, PACKINGS, 4), 1.0))
+DATA = arrange_tests(SAMPLES)
+TRUE = PredictedPairs("true", DATA.spread_out(DATA.meso.mean(1)), np.full((PAIRS, PACKINGS, 4), 1.0))
 
 
 def test_samples_are_dealt_by_pair_and_packing() -> None:
     order = np.random.default_rng(1).permutation(len(SAMPLES))
     shuffled = Samples(**{name: column[order] for name, column in vars(SAMPLES).items()})
-    for data in (DATA, measured(SAMPLES)):
+    for data in (DATA, arrange_tests(SAMPLES)):
         assert data.meso.shape == (PAIRS, PACKINGS, 4)
         assert np.array_equal(data.meso[2, 1], SAMPLES.meso_friction[7])
         assert np.array_equal(data.samples.wheel_seed, 50_000 + np.repeat(np.arange(PAIRS), PACKINGS))
-        assert np.argwhere(~data.held).tolist() == [[2, 1]]
-    mixed = measured(shuffled)
+        assert np.argwhere(~data.in_contact).tolist() == [[2, 1]]
+    mixed = arrange_tests(shuffled)
     assert np.array_equal(np.sort(mixed.meso, axis=1), np.sort(DATA.meso, axis=1))
     assert np.array_equal(mixed.samples.wheel, DATA.samples.wheel)
 
@@ -87,36 +78,38 @@ def test_samples_are_dealt_by_pair_and_packing() -> None:
 def test_the_noise_floor_is_the_error_of_who_knows_the_mean() -> None:
     # E |x - mean| of a normal distribution: sqrt(2/pi) sigma; 60 pairs tell it to about 8 %
     assert DATA.noise_floor == pytest.approx(np.full(4, np.sqrt(2.0 / np.pi) * SCATTER), rel=0.2)
-    many = measured(made(40, 12, seed=3))
-    known = Predicted("mean", many.spread_out(many.meso.mean(1)))
+    many = arrange_tests(made(40, 12, seed=3))
+    known = PredictedPairs("mean", many.spread_out(many.meso.mean(1)))
     # the mean of 12 is known to 1/sqrt(12): against one packing sqrt(1 - 1/12) of the floor
-    assert errors(many, known)[0].mean() == pytest.approx(many.noise_floor.mean() * np.sqrt(11 / 12), rel=0.03)
-    assert np.isnan(measured(made(5, 1)).noise_floor).all()
+    assert relative_errors(many, known)[0].mean() == pytest.approx(many.noise_floor.mean() * np.sqrt(11 / 12), rel=0.03)
+    assert np.isnan(arrange_tests(made(5, 1)).noise_floor).all()
 
 
 def test_errors_are_against_each_packing_and_against_their_mean() -> None:
-    off = Predicted("off", 1.1 * TRUE.mean)
-    one, all_packings = errors(DATA, off)
+    off = PredictedPairs("off", 1.1 * TRUE.mean)
+    one, all_packings = relative_errors(DATA, off)
     assert all_packings == pytest.approx(np.full((PAIRS, 4), 0.1))
     assert one.shape == (PAIRS, PACKINGS, 4)
     assert one[4, 2, 1] == pytest.approx(abs(off.mean[4, 2, 1] / DATA.meso[4, 2, 1] - 1.0))
 
 
 def test_a_network_is_asked_on_the_grid_it_was_trained_on() -> None:
-    trained = train(SAMPLES, points=17, members=2, epochs=2)
-    told = pairs(SAMPLES, points=17)
-    mean, spread = (values.double().numpy() for values in ask(trained.model, told.wheel, told.axle, told.micro))
-    said = predicted(trained.model, trained.provenance, DATA)
+    trained = train_network(SAMPLES, points=17, members=2, epochs=2)
+    told = pair_tensors(SAMPLES, points=17)
+    mean, spread = (
+        values.double().numpy() for values in predict_pairs(trained.model, told.wheel, told.axle, told.micro)
+    )
+    said = predict_tests(trained.model, trained.provenance, DATA)
     assert said.mean == pytest.approx(DATA.spread_out(mean), abs=1e-7)  # of other batches
     assert said.spread == pytest.approx(DATA.spread_out(spread), abs=1e-7)
 
 
 def test_no_other_constant_ratio_does_better() -> None:
-    best = errors(DATA, constant_ratio(DATA))[0].mean()
+    best = relative_errors(DATA, constant_ratio(DATA))[0].mean()
     ratio = constant_ratio(DATA).mean[0, 0, 0] / MICRO[0]
     for c in np.linspace(0.98, 1.08, 41):
-        other = Predicted("", np.broadcast_to(c * DATA.micro, DATA.meso.shape))
-        assert errors(DATA, other)[0].mean() >= best - 1e-15
+        other = PredictedPairs("", np.broadcast_to(c * DATA.micro, DATA.meso.shape))
+        assert relative_errors(DATA, other)[0].mean() >= best - 1e-15
     assert ratio == pytest.approx(1.03, abs=0.01)
 
 
@@ -130,10 +123,10 @@ def test_the_bend_is_the_distance_from_a_straight_line() -> None:
 
 
 def test_r2_is_of_the_intercept() -> None:
-    first = Predicted("", DATA.meso)
+    first = PredictedPairs("", DATA.meso)
     assert slope_r2(DATA, first) == pytest.approx(1.0)
-    assert slope_r2(DATA, Predicted("", 2.0 * DATA.micro + DATA.meso)) == pytest.approx(1.0)  # a is free
-    assert slope_r2(DATA, Predicted("", DATA.meso + 1e-3)) < 0.5
+    assert slope_r2(DATA, PredictedPairs("", 2.0 * DATA.micro + DATA.meso)) == pytest.approx(1.0)  # a is free
+    assert slope_r2(DATA, PredictedPairs("", DATA.meso + 1e-3)) < 0.5
     assert slope_r2(DATA, constant_ratio(DATA)) < 0.1
 
 
@@ -154,13 +147,15 @@ def test_the_foundation_alone_knows_no_answer() -> None:
 
 def test_the_report_has_what_was_promised() -> None:
     said = replace(TRUE, spread=0.02 * TRUE.mean)
-    result = report(DATA, said, [constant_ratio(DATA)], {"network": "x"})
+    result = evaluation_report(DATA, said, [constant_ratio(DATA)], {"network": "x"})
     assert result["samples"] == PAIRS * PACKINGS * 4
     assert (result["pairs"], result["packings"], result["lost_contact"]) == (PAIRS, PACKINGS, 1)
-    one = errors(DATA, said)[0]
+    one = relative_errors(DATA, said)[0]
     assert result["mean_relative_error"] == pytest.approx(one.mean())
     assert result["median_relative_error"] == pytest.approx(np.median(one))
-    assert result["baseline_mean_relative_error"] == pytest.approx(errors(DATA, constant_ratio(DATA))[0].mean())
+    assert result["baseline_mean_relative_error"] == pytest.approx(
+        relative_errors(DATA, constant_ratio(DATA))[0].mean()
+    )
     assert result["mean_relative_error_all_packings"] == pytest.approx(0.0)
     assert 0.8 < result["coverage_90"] < 1.0
     assert result["noise_floor"] == pytest.approx(DATA.noise_floor.mean())
@@ -183,7 +178,7 @@ def test_the_report_has_what_was_promised() -> None:
 )
 def test_samples_that_judge_nothing(spoiled: Samples, message: str) -> None:
     with pytest.raises(EvaluationError, match=message):
-        measured(spoiled)
+        arrange_tests(spoiled)
 
 
 @pytest.fixture(scope="module")
@@ -194,14 +189,16 @@ def networks(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     paths = {"table": folder / "table.csv"}
     for name in ("energy", "paper"):
         paths[name] = folder / f"{name}.safetensors"
-        trained = train(training, name, epochs=1)
-        save(paths[name], trained.model, trained.provenance)
+        trained = train_network(training, name, epochs=1)
+        save_checkpoint(paths[name], trained.model, trained.provenance)
     write_table(Database(HEADER, made(6), {}, "hash"), paths["table"])
     return paths
 
 
 def test_an_evaluation_leaves_its_report_and_figures(networks: dict[str, Path], tmp_path: Path) -> None:
-    result, written = evaluation(networks["table"], networks["energy"], [networks["paper"]] * 2, tmp_path / "a" / "b")
+    result, written = evaluate_network(
+        networks["table"], networks["energy"], [networks["paper"]] * 2, tmp_path / "a" / "b"
+    )
     assert [path.name for path in written] == ["evaluation.json", "configurations.png", "scatter.png", "errors.png"]
     assert json.loads(written[0].read_text()) == result
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written[1:])
@@ -212,15 +209,15 @@ def test_an_evaluation_leaves_its_report_and_figures(networks: dict[str, Path], 
 def test_surfaces_that_were_learned_judge_nothing(networks: dict[str, Path], tmp_path: Path) -> None:
     write_table(Database(HEADER, made(4, first=37), {}, "hash"), tmp_path / "t.csv")
     with pytest.raises(EvaluationError, match=r"seed 37 .* learned"):
-        evaluation(tmp_path / "t.csv", networks["energy"], [], tmp_path)
+        evaluate_network(tmp_path / "t.csv", networks["energy"], [], tmp_path)
 
 
 def test_packings_that_were_learned_do_not_judge_a_network_of_envelopes(networks: dict[str, Path]) -> None:
-    _, about = load(networks["energy"])
+    _, about = load_checkpoint(networks["energy"])
     seen = replace(SAMPLES, packing_seed=np.full(len(SAMPLES), about.packing_seeds[1]))
-    unseen(seen, about)
+    require_unseen(seen, about)
     with pytest.raises(EvaluationError, match=r"packings of seed 39 .* --first-packing beyond 39"):
-        unseen(seen, msgspec.structs.replace(about, faces="envelope"))
+        require_unseen(seen, msgspec.structs.replace(about, faces="envelope"))
 
 
 def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
@@ -258,14 +255,14 @@ def test_a_table_that_was_touched_is_refused(spoil, message, tmp_path) -> None:
 def test_faces_are_those_of_the_plates(body, levels, tmp_path) -> None:
     keys = SurfaceKeys(levels=levels, max_height=0.03, hurst_exponent=0.6)
     face = rough_face(keys, body, 9, (1.0, 1.0) if body == "wheel" else (2.0, 1.0))
-    found = generated(body, 9, levels=levels, max_height=0.03, hurst_exponent=0.6)
+    found = generated_face(body, 9, levels=levels, max_height=0.03, hurst_exponent=0.6)
     assert found.shape == ((33, 33) if body == "wheel" else (65, 33))
     finer = 32 // 2**levels
     assert np.array_equal(found[::finer, ::finer], face.heights.astype(np.float32))
     np.save(tmp_path / "face.npy", face.heights)
     np.savetxt(tmp_path / "face.csv", face.heights, delimiter=",", header="heights [mm]", fmt="%.17g")
     for name in ("face.npy", "face.csv"):
-        assert np.array_equal(from_file(tmp_path / name, body), found)
+        assert np.array_equal(read_face(tmp_path / name, body), found)
 
 
 def test_files_that_are_no_faces(tmp_path: Path) -> None:
@@ -284,7 +281,7 @@ def test_files_that_are_no_faces(tmp_path: Path) -> None:
     }
     for name, message in expected.items():
         with pytest.raises(PredictionError, match=message):
-            from_file(tmp_path / name, "axle")
+            read_face(tmp_path / name, "axle")
 
 
 def run(*arguments: object) -> tuple[int, str]:
@@ -303,8 +300,8 @@ def test_the_command_predicts_from_seeds_and_from_files(networks: dict[str, Path
     assert f"{rows[2, 1]:.4f}" in said
     assert run(*seeds, "--micro-friction", "2.5")[0] == 2
     keys = {"levels": 3, "max_height": 0.012, "hurst_exponent": 0.8}
-    np.save(tmp_path / "w.npy", generated("wheel", 3, **keys))
-    np.save(tmp_path / "a.npy", generated("axle", 4, **keys))
+    np.save(tmp_path / "w.npy", generated_face("wheel", 3, **keys))
+    np.save(tmp_path / "a.npy", generated_face("axle", 4, **keys))
     files = ("--wheel", tmp_path / "w.npy", "--axle", tmp_path / "a.npy", "-o", tmp_path / "q.csv")
     assert run("predict", "-n", networks["energy"], *files)[0] == 0
     assert np.array_equal(np.loadtxt(tmp_path / "q.csv", delimiter=",", skiprows=1), rows)

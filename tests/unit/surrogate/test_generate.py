@@ -16,12 +16,15 @@ import pytest
 
 from meso.friction_test import run
 from meso.plates import rough_face
-from surrogate.data.database import read
-from surrogate.data.generate import FINEST, FRICTION_RANGE, Design, Here, Pool, generate, header_of, plates
+from surrogate.data.database import read_database
+from surrogate.data.design import FINEST_LEVEL, FRICTION_RANGE, Design
+from surrogate.data.farm import Here, Pool
+from surrogate.data.generate import generate_samples
 from surrogate.data.journal import journal_of
+from surrogate.data.sample import design_tasks, header_of, plate_settings
 from surrogate.errors import DatabaseError, DesignError
 
-SMALL = plates(["plates.spheres=500", "engine.samples=40"])
+SMALL = plate_settings(["plates.spheres=500", "engine.samples=40"])
 PAIRS = 6
 COMMAND = [sys.executable, "-m", "surrogate", "generate", "--spheres", "500", "--set", "engine.samples=40"]
 ROOT = Path(__file__).parents[2]
@@ -31,8 +34,8 @@ ROOT = Path(__file__).parents[2]
 def database(tmp_path_factory):
     """Six pairs of the plain design, by this process."""
     path = tmp_path_factory.mktemp("farm") / "here.h5"
-    generate(path, Design(), SMALL, PAIRS, Here())
-    return read(path)
+    generate_samples(path, Design(), SMALL, PAIRS, Here())
+    return read_database(path)
 
 
 def assert_same(found, wanted) -> None:
@@ -89,7 +92,7 @@ def test_more_pairs_and_other_surfaces_continue_one_design():
 
 def test_a_split_by_pair_is_a_split_by_seed():
     design = Design(first_surface=100, first_packing=50, packings=3)
-    tasks = list(design.tasks(SMALL, 40, header_of(design, SMALL)))
+    tasks = list(design_tasks(design, SMALL, 40, header_of(design, SMALL)))
     assert [task.id for task in tasks] == list(range(120))
     for task in tasks:
         surface, packing = task.settings.surface, task.settings.plates.packing_seed
@@ -115,7 +118,7 @@ def test_fixed_values():
 
 BAD = {
     "--max-height": {"max_height": (0.04, 0.005)},
-    "--levels": {"levels": (3, FINEST + 1)},
+    "--levels": {"levels": (3, FINEST_LEVEL + 1)},
     "--hurst": {"hurst_exponent": (0.5, 1.1)},
     "--micro-friction": {"micro_friction": (0.07, 0.03)},
     "--micro-friction ": {"micro_friction": 0},
@@ -134,9 +137,9 @@ def test_a_design_that_cannot_be(option):
 def test_keys_of_the_design_are_refused_among_the_settings():
     for override in ("surface.levels=3", "surface={levels=4}", "contact.micro_friction=0.07", "plates.packing_seed=0"):
         with pytest.raises(DesignError, match=override.partition("=")[0]):
-            plates([override])
+            plate_settings([override])
     with pytest.raises(DesignError, match=r"plates\.sphere: unknown key \(did you mean 'spheres'"):
-        plates(["plates.sphere=3"])
+        plate_settings(["plates.sphere=3"])
 
 
 # --- a sample
@@ -144,7 +147,7 @@ def test_keys_of_the_design_are_refused_among_the_settings():
 
 def test_a_sample_is_the_friction_test_of_its_settings(database):
     samples, pair = database.samples, 3
-    settings = plates(["plates.spheres=500", "engine.samples=40"])
+    settings = plate_settings(["plates.spheres=500", "engine.samples=40"])
     settings = msgspec.structs.replace(
         settings,
         surface=msgspec.structs.replace(
@@ -190,8 +193,8 @@ def test_a_failure_is_kept_and_does_not_stop_the_rest(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Design, "points", one_too_deep)
     for _ in range(2):
-        generate(path, Design(), SMALL, 3, Here())
-        found = read(path)
+        generate_samples(path, Design(), SMALL, 3, Here())
+        found = read_database(path)
         assert found.samples.id.tolist() == [0, 2]
         assert list(found.failures) == [1]
         assert "in a plate 300 um thick" in found.failures[1]
@@ -201,9 +204,9 @@ def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
     def broken(settings: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("surrogate.data.generate.run", broken)
+    monkeypatch.setattr("surrogate.data.sample.run", broken)
     with pytest.raises(ZeroDivisionError):
-        generate(tmp_path / "a.h5", Design(), SMALL, 1, Here())
+        generate_samples(tmp_path / "a.h5", Design(), SMALL, 1, Here())
 
 
 # --- the farm
@@ -212,8 +215,8 @@ def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
 def test_two_processes_make_the_same_and_none_is_left(database, tmp_path):
     path = tmp_path / "a.h5"
     before = set(children(os.getpid()))
-    generate(path, Design(), SMALL, PAIRS, Pool(2))
-    assert_same(read(path), database)
+    generate_samples(path, Design(), SMALL, PAIRS, Pool(2))
+    assert_same(read_database(path), database)
     left = [pid for pid in set(children(os.getpid())) - before if "resource_tracker" not in cmdline(pid)]
     assert left == []
 
@@ -224,11 +227,11 @@ def cmdline(pid: int) -> str:
 
 def test_another_design_or_other_plates_are_refused(tmp_path):
     path = tmp_path / "a.h5"
-    generate(path, Design(), SMALL, 1, Here())
+    generate_samples(path, Design(), SMALL, 1, Here())
     with pytest.raises(DatabaseError, match=r"max_height was \[0.005, 0.04\], now \[0.01, 0.04\]"):
-        generate(path, Design(max_height=(0.01, 0.04)), SMALL, 1, Here())
+        generate_samples(path, Design(max_height=(0.01, 0.04)), SMALL, 1, Here())
     with pytest.raises(DatabaseError, match="spheres = 500"):
-        generate(path, Design(), plates(["plates.spheres=600"]), 1, Here())
+        generate_samples(path, Design(), plate_settings(["plates.spheres=600"]), 1, Here())
 
 
 @pytest.mark.slow
@@ -239,7 +242,9 @@ def test_killed_with_its_processes_and_gone_on_with(database, tmp_path):
     seen: list[int] = []
     for _ in range(1):
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
-        while process.poll() is None and not (journal_of(path).exists() and len(read(path).samples) > len(seen)):
+        while process.poll() is None and not (
+            journal_of(path).exists() and len(read_database(path).samples) > len(seen)
+        ):
             time.sleep(0.02)
         assert process.poll() is None
         time.sleep(delays.uniform(0.0, 0.2))
@@ -247,7 +252,7 @@ def test_killed_with_its_processes_and_gone_on_with(database, tmp_path):
         assert len(workers) >= 2
         process.send_signal(signal.SIGKILL)
         process.wait()
-        found = read(path).samples.id.tolist()
+        found = read_database(path).samples.id.tolist()
         assert set(seen) <= set(found)
         seen = found
         patience = time.monotonic() + 10.0
@@ -257,8 +262,8 @@ def test_killed_with_its_processes_and_gone_on_with(database, tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert f"{PAIRS} of {PAIRS}" in done.stdout or len(seen) == PAIRS
-    assert read(path).content_hash[:20] in done.stdout
-    assert_same(read(path), database)
+    assert read_database(path).content_hash[:20] in done.stdout
+    assert_same(read_database(path), database)
     assert os.listdir(tmp_path) == ["a.h5"]
 
 
@@ -270,7 +275,7 @@ def test_interrupted(how, jobs, tmp_path):
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    while not (journal_of(path).exists() and len(read(path).samples)):
+    while not (journal_of(path).exists() and len(read_database(path).samples)):
         assert process.poll() is None
         time.sleep(0.02)
     if how == signal.SIGINT:
@@ -283,7 +288,7 @@ def test_interrupted(how, jobs, tmp_path):
         told
         == f"macrofit-surrogate: interrupted; what was computed is kept beside {path}, and the same command goes on\n"
     )
-    assert len(read(path).samples) > 0
+    assert len(read_database(path).samples) > 0
 
 
 def test_the_command_says_what_is_wrong(tmp_path):

@@ -12,9 +12,9 @@ from torch import Tensor
 
 from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
-from surrogate.network.checkpoint import EnergyOptions, Model, PaperOptions, Provenance, save
-from surrogate.network.foundation import Foundation, Slide
-from surrogate.network.model import CHUNK, Energy, roughness
+from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
+from surrogate.network.foundation import Foundation, SlideResponse
+from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
 from surrogate.network.predict import Prediction, Predictor
 
 POINTS, WHEELS, AXLES = 17, 7, 11
@@ -27,17 +27,17 @@ PROVENANCE = {
 }  # fmt: skip
 
 
-def stored(path: Path, model: Model, options: EnergyOptions | PaperOptions) -> Path:
-    save(path, model, Provenance(options=options, **PROVENANCE))  # type: ignore[arg-type]
+def stored(path: Path, model: Model, options: EnsembleOptions | CNNOptions) -> Path:
+    save_checkpoint(path, model, Provenance(options=options, **PROVENANCE))  # type: ignore[arg-type]
     return path
 
 
-def network(architecture: str) -> tuple[Model, EnergyOptions | PaperOptions]:
+def network(architecture: str) -> tuple[Model, EnsembleOptions | CNNOptions]:
     """Random weights: every layer counts."""
     torch.manual_seed(0)
-    options = EnergyOptions([3e4, 1e5], LOAD) if architecture == "energy" else PaperOptions(POINTS)
-    model = options.build()
-    if isinstance(model, Energy):
+    options = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD) if architecture == "energy" else CNNOptions(POINTS)
+    model = options.build_network()
+    if isinstance(model, FoundationEnsemble):
         for parameter in model.parameters():
             torch.nn.init.normal_(parameter, std=0.3)
         model.lost.fill_(0.1)
@@ -67,12 +67,14 @@ COEFFICIENTS = np.linspace(0.03, 0.09, len(WHEEL))
 
 
 def same(one: Prediction, other: Prediction, rows: object = slice(None)) -> bool:
-    return all(np.array_equal(getattr(one, name)[rows], getattr(other, name)) for name in ("mean", "spread", "held"))
+    return all(
+        np.array_equal(getattr(one, name)[rows], getattr(other, name)) for name in ("mean", "spread", "in_contact")
+    )
 
 
 def test_bits_of_a_pair_depend_on_no_other(predictor: Predictor) -> None:
     wheels, axles = faces()
-    assert len(WHEEL) % CHUNK  # the last chunk is not full
+    assert len(WHEEL) % PAIRS_PER_CHUNK  # the last chunk is not full
     whole = predictor(wheels, axles, WHEEL, AXLE, COEFFICIENTS)
     assert len(np.unique(whole.mean)) > 50
     rng = np.random.default_rng(2)
@@ -92,37 +94,37 @@ def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
     """Whatever their order, and for each of the micro coefficients that they are asked for in turn."""
     predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
     wheels, axles = (torch.from_numpy(heights) for heights in faces())
-    assert isinstance(predictor.model, Energy)
+    assert isinstance(predictor.model, FoundationEnsemble)
     with torch.inference_mode():
         slopes, features = predictor.model.prepare(wheels, axles, torch.from_numpy(WHEEL), torch.from_numpy(AXLE))
-        laws, held = predictor.model.laws(slopes, features), predictor.model.holds(features)
+        laws, in_contact = predictor.model.affine_laws(slopes, features), predictor.model.keeps_contact(features)
     rows = np.random.default_rng(3).permutation(len(WHEEL))[:50]
     for micro in (0.03, 0.09):
         whole = predictor(*faces(), WHEEL, AXLE, micro)
-        assert same(whole, predictor.answer(laws, held, micro))
-        assert same(whole, predictor.answer(laws[rows], held[rows], np.full(50, micro)), rows)
+        assert same(whole, predictor.answer(laws, in_contact, micro))
+        assert same(whole, predictor.answer(laws[rows], in_contact[rows], np.full(50, micro)), rows)
     with pytest.raises(PredictionError, match="micro coefficient is not finite"):
-        predictor.answer(laws, held, np.inf)
+        predictor.answer(laws, in_contact, np.inf)
 
 
 def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = network("energy")[0]
-    assert isinstance(model, Energy)
+    assert isinstance(model, FoundationEnsemble)
     wheels, axles = (torch.from_numpy(heights) for heights in faces())
     pairs = torch.from_numpy(WHEEL), torch.from_numpy(AXLE)
     slopes, features = model.prepare(wheels, axles, *pairs)
-    known = torch.stack([*map(roughness, wheels)]), torch.stack([*map(roughness, axles)])
-    monkeypatch.setattr("surrogate.network.model.roughness", lambda face: pytest.fail("it was measured"))
-    again, unchanged = model.prepare(wheels, axles, *pairs, uneven=known)
+    known = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
+    monkeypatch.setattr("surrogate.network.model.upper_roughness", lambda face: pytest.fail("it was measured"))
+    again, unchanged = model.prepare(wheels, axles, *pairs, roughness=known)
     assert torch.equal(again, slopes)
     assert torch.equal(unchanged, features)
-    _, rougher = model.prepare(wheels, axles, *pairs, uneven=(2.0 * known[0], 2.0 * known[1]))
+    _, rougher = model.prepare(wheels, axles, *pairs, roughness=(2.0 * known[0], 2.0 * known[1]))
     assert torch.equal(rougher[:, :2], 2.0 * features[:, :2])
 
 
 def test_none_asked_none_answered(predictor: Predictor) -> None:
     empty = np.zeros(0, np.int64)
-    assert len(predictor(*faces(), empty, empty, 0.07).held) == 0
+    assert len(predictor(*faces(), empty, empty, 0.07).in_contact) == 0
 
 
 @pytest.mark.parametrize("pairs", [([WHEELS], [0]), ([-1], [0]), ([0], [AXLES]), ([0, 1], [0])])
@@ -152,9 +154,9 @@ def test_lost_contact_is_flagged(tmp_path: Path) -> None:
     wheels, axles = np.zeros((1, POINTS, POINTS)), np.zeros((2, 2 * POINTS - 1, POINTS))
     axles[1, POINTS + 3 :] = -0.05  # the wheel, held at its height, ends over a hollow but for four rows
     said = predictor(wheels, axles, np.zeros(2, np.int64), np.arange(2), 0.07)
-    assert said.held.tolist() == [True, True]
+    assert said.in_contact.tolist() == [True, True]
     axles[1, POINTS:] = -0.05  # but for one row of 17, and the share that holds is 0.1
-    assert predictor(wheels, axles, np.zeros(2, np.int64), np.arange(2), 0.07).held.tolist() == [True, False]
+    assert predictor(wheels, axles, np.zeros(2, np.int64), np.arange(2), 0.07).in_contact.tolist() == [True, False]
 
 
 def test_wrong_grids_and_values_are_refused(predictor: Predictor) -> None:
@@ -216,7 +218,7 @@ def test_scaled_heights_on_a_softer_foundation() -> None:
         Foundation([2e4, 1e5], LOAD).slide(wheel, axle),
         Foundation([1e4, 5e4], LOAD).slide(2.0 * wheel, 2.0 * axle),
     )
-    expected = Slide(2.0 * one.b, one.load, one.least, 2.0 * one.depth)
+    expected = SlideResponse(2.0 * one.b, one.load, one.least, 2.0 * one.depth)
     torch.testing.assert_close(tuple(other), tuple(expected), rtol=1e-9, atol=0.0)
 
 
@@ -237,7 +239,7 @@ def test_reversed_slide_changes_the_sign_of_b_alone() -> None:
     d = LOAD / stiffness
     wheel, axle = torch.zeros(1, 5, 5), torch.zeros(1, 9, 5)
     axle[0, 5:] = d * torch.tensor([1.0, -1.0] * 10).reshape(4, 5)
-    model = Energy([stiffness], LOAD)
+    model = FoundationEnsemble([stiffness], LOAD)
     pair = torch.zeros(1, dtype=torch.int64)
     slopes, features = model.prepare(wheel, axle, pair, pair)
     back, unchanged = model.prepare(wheel.flip(1), axle.flip(1), pair, pair)
@@ -249,7 +251,7 @@ def test_reversed_slide_changes_the_sign_of_b_alone() -> None:
 def test_exchanged_sides_change_nothing() -> None:
     """Mirrored across the slide."""
     wheel, axle = doubles()
-    model = Energy([2e4, 1e5], LOAD).double()
+    model = FoundationEnsemble([2e4, 1e5], LOAD).double()
     for one, other in zip(
         model(wheel, axle, torch.full((3, 1), 0.07)), model(wheel.flip(2), axle.flip(2), torch.full((3, 1), 0.07)),
         strict=True,
@@ -260,7 +262,7 @@ def test_exchanged_sides_change_nothing() -> None:
 def test_roughness_sees_the_upper_half_alone() -> None:
     face = torch.tensor([[0.0, 0.0, 3.0], [0.0, 0.0, 3.0], [-7.0, 0.0, 0.0]])
     # two of nine nodes are 3 high; of six steps along and six across, one and two are of 3
-    torch.testing.assert_close(roughness(face), torch.tensor([2.0**0.5, (27.0 / 12.0) ** 0.5]))
+    torch.testing.assert_close(upper_roughness(face), torch.tensor([2.0**0.5, (27.0 / 12.0) ** 0.5]))
 
 
 @pytest.mark.parametrize(("stiffness", "positions"), [([1e5, 3e4], 5), ([], 5), ([-1.0], 5), ([1e5], 1)])

@@ -13,13 +13,13 @@ from untrained import untrained
 
 import surrogate.tiles
 from macrofit.base.arrays import IntArray
-from surrogate.data.faces import generated
+from surrogate.data.faces import generated_face
 from surrogate.data.samples import Plates
 from surrogate.errors import CheckpointError, PredictionError
-from surrogate.network.checkpoint import EnergyOptions, PaperOptions, Provenance, save
-from surrogate.network.model import CHUNK
+from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
+from surrogate.network.model import PAIRS_PER_CHUNK
 from surrogate.network.predict import Prediction, Predictor
-from surrogate.tiles import AHEAD, Tiles, predictor, shared
+from surrogate.tiles import TILES_AHEAD, Tiles, load_predictor, shared_tiles
 
 POINTS, SEED = 9, 3
 COUNTS = 14, 11
@@ -28,12 +28,12 @@ SURFACE = tuple(KEYS.items())
 SEAT, BORE = (tiles.ravel() for tiles in np.meshgrid(*map(np.arange, COUNTS), indexing="ij"))
 
 
-def network(options: EnergyOptions | PaperOptions, path: Path) -> Predictor:
+def network(options: EnsembleOptions | CNNOptions, path: Path) -> Predictor:
     """Of random weights: every layer counts, and no two members agree."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        model = options.build()
-        if isinstance(options, EnergyOptions):
+        model = options.build_network()
+        if isinstance(options, EnsembleOptions):
             for parameter in model.parameters():
                 torch.nn.init.normal_(parameter, std=0.3)
             model.lost.fill_(0.6)
@@ -42,19 +42,19 @@ def network(options: EnergyOptions | PaperOptions, path: Path) -> Predictor:
         plates=Plates(), surface_seeds=(0, 999), packing_seeds=(0, 9), max_height=(0.0, 1.0), levels=(3,),
         hurst_exponent=(0.0, 1.0), micro_friction=(0.0, 1.0), validation_error={}, validation_r2=0.0, versions={},
     )  # fmt: skip
-    save(path, model, about)
+    save_checkpoint(path, model, about)
     return Predictor(path)
 
 
 @pytest.fixture(scope="module")
 def energy(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
-    options = EnergyOptions(stiffness=[3e4, 1e5], load=170.0, members=3)
+    options = EnsembleOptions(stiffness=[3e4, 1e5], load=170.0, members=3)
     return network(options, tmp_path_factory.mktemp("network") / "energy.safetensors")
 
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
-    return network(PaperOptions(POINTS), tmp_path_factory.mktemp("network") / "paper.safetensors")
+    return network(CNNOptions(POINTS), tmp_path_factory.mktemp("network") / "paper.safetensors")
 
 
 def tiles(asked: Predictor) -> Tiles:
@@ -64,14 +64,16 @@ def tiles(asked: Predictor) -> Tiles:
 def directly(asked: Predictor, micro: float) -> Prediction:
     """Of all pairs, from all faces."""
     axles, wheels = (
-        np.stack([generated(body, 65536 * SEED + tile, **KEYS, points=POINTS) for tile in range(count)])  # type: ignore[arg-type]
+        np.stack([generated_face(body, 65536 * SEED + tile, **KEYS, points=POINTS) for tile in range(count)])  # type: ignore[arg-type]
         for body, count in zip(("axle", "wheel"), COUNTS, strict=True)
     )
     return asked(wheels, axles, BORE, SEAT, micro)
 
 
 def same(whole: Prediction, rows: IntArray, part: Prediction) -> bool:
-    return all(np.array_equal(getattr(whole, name)[rows], getattr(part, name)) for name in ("mean", "spread", "held"))
+    return all(
+        np.array_equal(getattr(whole, name)[rows], getattr(part, name)) for name in ("mean", "spread", "in_contact")
+    )
 
 
 def diagonal(place: int) -> IntArray:
@@ -99,7 +101,7 @@ def test_the_networks_own_bits_in_any_batches(energy: Predictor, batches: list[I
     """For two micro coefficients in turn, which change places from batch to batch."""
     whole = {micro: directly(energy, micro) for micro in (0.03, 0.08)}
     assert len(np.unique(whole[0.03].mean)) == len(ROWS)
-    assert 0 < whole[0.03].held.sum() < len(ROWS)
+    assert 0 < whole[0.03].in_contact.sum() < len(ROWS)
     asked = tiles(energy)
     for number, rows in enumerate(batches):
         for micro in (0.03, 0.08)[:: 1 - 2 * (number % 2)]:
@@ -119,9 +121,9 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
 
     def counted(body: Any, seed: int, **keys: Any) -> Any:
         drawn.append((body, seed))
-        return generated(body, seed, **keys)
+        return generated_face(body, seed, **keys)
 
-    monkeypatch.setattr("surrogate.tiles.generated", counted)
+    monkeypatch.setattr("surrogate.tiles.generated_face", counted)
     asked = tiles(energy)
     for micro in (0.03, 0.08):
         for rows in BATCHES["pressed"]:
@@ -139,13 +141,13 @@ def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, mon
         asked.predict(SEAT[rows], BORE[rows], 0.05)
         return asked.prepared
 
-    assert ask(tiles(energy), ROWS[:CHUNK]) == CHUNK  # nothing is left
-    assert slid == [CHUNK]
+    assert ask(tiles(energy), ROWS[:PAIRS_PER_CHUNK]) == PAIRS_PER_CHUNK  # nothing is left
+    assert slid == [PAIRS_PER_CHUNK]
     asked = tiles(energy)
-    ahead = [diagonal(place) for place in range(4, 5 + AHEAD)]
+    ahead = [diagonal(place) for place in range(4, 5 + TILES_AHEAD)]
     for rows in ahead:
-        assert ask(asked, rows) == sum(map(len, ahead)) < CHUNK
-    assert slid == [CHUNK, CHUNK]
+        assert ask(asked, rows) == sum(map(len, ahead)) < PAIRS_PER_CHUNK
+    assert slid == [PAIRS_PER_CHUNK, PAIRS_PER_CHUNK]
     asked = tiles(energy)
     assert ask(asked, ROWS[-1:]) == 1  # nothing is ahead
     assert asked.faces == 2
@@ -157,7 +159,7 @@ def test_nearest_pairs_ahead_come_first(energy: Predictor) -> None:
     first = np.concatenate([diagonal(place) for place in range(9)])
     for rows in (first, diagonal(9)):
         asked.predict(SEAT[rows], BORE[rows], 0.05)
-        assert asked.prepared == CHUNK
+        assert asked.prepared == PAIRS_PER_CHUNK
 
 
 @pytest.mark.parametrize(
@@ -201,28 +203,28 @@ def test_faces_are_those_of_the_seeds_and_read_only(energy: Predictor) -> None:
     asked = tiles(energy)
     for body, tile in (("axle", 13), ("wheel", 10)):
         face = asked.heights(body, tile)  # type: ignore[arg-type]
-        assert np.array_equal(face, generated(body, 65536 * SEED + tile, **KEYS, points=POINTS))  # type: ignore[arg-type]
+        assert np.array_equal(face, generated_face(body, 65536 * SEED + tile, **KEYS, points=POINTS))  # type: ignore[arg-type]
         with pytest.raises(ValueError, match="read-only"):
             face[0, 0] = 1.0
 
 
 def test_a_network_is_read_again_if_its_file_changed(tmp_path: Path) -> None:
     path = Path(untrained(tmp_path / "m.safetensors"))
-    first = predictor(path)
-    assert predictor(path) is first
+    first = load_predictor(path)
+    assert load_predictor(path) is first
     untrained(path, stiffness=1e4)
     os.utime(path, ns=(0, 0))  # whatever the clock says
-    second = predictor(path)
+    second = load_predictor(path)
     assert second.provenance != first.provenance
     path.unlink()
     with pytest.raises(CheckpointError, match="there is no such file"):
-        predictor(path)
-    assert predictor(None).provenance == Predictor().provenance
+        load_predictor(path)
+    assert load_predictor(None).provenance == Predictor().provenance
 
 
 def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predictor) -> None:
-    first = shared(energy, SEED, SURFACE, COUNTS)
-    assert shared(energy, SEED, SURFACE, COUNTS) is first
+    first = shared_tiles(energy, SEED, SURFACE, COUNTS)
+    assert shared_tiles(energy, SEED, SURFACE, COUNTS) is first
     others = [
         (paper, SEED, SURFACE, COUNTS),
         (energy, SEED + 1, SURFACE, COUNTS),
@@ -230,6 +232,6 @@ def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predict
         (energy, SEED, SURFACE, (14, 12)),
     ]
     for other in others:
-        assert shared(*other) is not first
-    assert surrogate.tiles.shared.cache_info().currsize == 1
-    assert shared(energy, SEED, SURFACE, COUNTS) is not first
+        assert shared_tiles(*other) is not first
+    assert surrogate.tiles.shared_tiles.cache_info().currsize == 1
+    assert shared_tiles(energy, SEED, SURFACE, COUNTS) is not first

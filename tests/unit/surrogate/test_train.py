@@ -22,19 +22,21 @@ from surrogate.errors import CheckpointError, TrainingError
 from surrogate.evaluation.curves import write_curves
 from surrogate.network.checkpoint import (
     ENTRY,
-    LARGEST,
+    LARGEST_FILE,
     Architecture,
-    EnergyOptions,
-    PaperOptions,
-    digest,
-    load,
-    outside,
-    save,
+    CNNOptions,
+    EnsembleOptions,
+    checkpoint_digest,
+    load_checkpoint,
+    outside_training,
+    save_checkpoint,
 )
-from surrogate.network.dataset import LOWEST, folds, pairs, split
+from surrogate.network.dataset import LOWEST_ENVELOPE, pair_tensors, split_by_family, split_into_folds
 from surrogate.network.foundation import Foundation
-from surrogate.network.model import Energy, Paper
-from surrogate.network.train import Trained, predict, threshold, train
+from surrogate.network.model import FoundationEnsemble, LallemanCNN
+from surrogate.network.objectives import contact_threshold
+from surrogate.network.score import predict_pairs
+from surrogate.network.train import Trained, train_network
 
 HEADER = Header(design="", settings="", code="", version="0", micro_frictions=2, squares=2, points=9)
 NOISE = 0.1
@@ -67,15 +69,15 @@ SAMPLES = made(200)
 
 @pytest.fixture(scope="module")
 def trained() -> Trained:
-    return train(SAMPLES, epochs=100, members=3)
+    return train_network(SAMPLES, epochs=100, members=3)
 
 
 def test_energy_finds_the_law_on_pairs_held_back(trained: Trained) -> None:
     # the noise takes NOISE^2 = 0.01 of the variance of b, at most about three times that with 60 pairs
     assert trained.scores.r2 > 0.95
-    validation = pairs(SAMPLES).take(split(SAMPLES)[1])
+    validation = pair_tensors(SAMPLES).take(split_by_family(SAMPLES)[1])
     constant = ((1.03 * validation.micro - validation.meso) / validation.meso).abs().mean()
-    mean, _ = predict(trained.model, validation.wheel, validation.axle, validation.micro)
+    mean, _ = predict_pairs(trained.model, validation.wheel, validation.axle, validation.micro)
     assert ((mean - validation.meso) / validation.meso).abs().mean() < constant / 3.0
     assert 0.88 <= trained.scores.coverage <= 0.95  # scaled on these pairs to 90 %
 
@@ -91,15 +93,15 @@ def test_shuffled_answers_train_to_no_skill() -> None:
     shuffled = replace(
         SAMPLES, meso_friction=SAMPLES.meso_friction[order], micro_friction=SAMPLES.micro_friction[order]
     )
-    assert train(shuffled, epochs=100, members=3).scores.r2 <= 0.1
+    assert train_network(shuffled, epochs=100, members=3).scores.r2 <= 0.1
 
 
 def test_a_seed_gives_the_same_bytes_and_leaves_the_global_generator(tmp_path: Path) -> None:
     torch.manual_seed(5)
     before = torch.get_rng_state()
     for number, seed in enumerate((1, 1, 2)):
-        result = train(SAMPLES, seed=seed, epochs=10, members=2)
-        save(tmp_path / f"{number}.safetensors", result.model, result.provenance)
+        result = train_network(SAMPLES, seed=seed, epochs=10, members=2)
+        save_checkpoint(tmp_path / f"{number}.safetensors", result.model, result.provenance)
     assert torch.equal(before, torch.get_rng_state())
     first, again, other = ((tmp_path / f"{number}.safetensors").read_bytes() for number in range(3))
     assert first == again != other
@@ -107,35 +109,37 @@ def test_a_seed_gives_the_same_bytes_and_leaves_the_global_generator(tmp_path: P
 
 @pytest.mark.parametrize("seed", range(5))
 def test_no_surface_and_no_packing_is_on_both_sides(seed: int) -> None:
-    training, validation = split(SAMPLES, seed=seed)
+    training, validation = split_by_family(SAMPLES, seed=seed)
     assert sorted([*training, *validation]) == list(range(len(SAMPLES)))
     assert 0.25 <= len(validation) / len(SAMPLES) <= 0.35
     parts = [(training, validation)]
-    parts += [(np.setdiff1d(training, fold), np.intersect1d(training, fold)) for fold in folds(SAMPLES, 4, seed)]
+    parts += [
+        (np.setdiff1d(training, fold), np.intersect1d(training, fold)) for fold in split_into_folds(SAMPLES, 4, seed)
+    ]
     for left, right in parts:
         for seeds in (SAMPLES.wheel_seed, SAMPLES.axle_seed, SAMPLES.packing_seed):
             assert not set(seeds[left]) & set(seeds[right])
 
 
 def test_paper_trains(tmp_path: Path) -> None:
-    result = train(SAMPLES, "paper", epochs=3)
+    result = train_network(SAMPLES, "paper", epochs=3)
     assert min(result.curves.validation[1:]) < result.curves.validation[0]
     assert np.all(np.isfinite(list(result.scores.error.values())))
-    save(tmp_path / "p.safetensors", result.model, result.provenance)
-    model, provenance = load(tmp_path / "p.safetensors")
-    assert isinstance(model, Paper)
+    save_checkpoint(tmp_path / "p.safetensors", result.model, result.provenance)
+    model, provenance = load_checkpoint(tmp_path / "p.safetensors")
+    assert isinstance(model, LallemanCNN)
     assert provenance.architecture == "paper"
 
 
 def test_round_trip(trained: Trained, tmp_path: Path) -> None:
     path = tmp_path / "m.safetensors"
-    save(path, trained.model, trained.provenance)
-    model, provenance = load(path)
+    save_checkpoint(path, trained.model, trained.provenance)
+    model, provenance = load_checkpoint(path)
     assert provenance == trained.provenance
-    data = pairs(SAMPLES)
+    data = pair_tensors(SAMPLES)
     for one, other in zip(
-        predict(model, data.wheel, data.axle, data.micro),
-        predict(trained.model, data.wheel, data.axle, data.micro),
+        predict_pairs(model, data.wheel, data.axle, data.micro),
+        predict_pairs(trained.model, data.wheel, data.axle, data.micro),
         strict=True,
     ):
         assert torch.equal(one, other)
@@ -145,29 +149,29 @@ def test_round_trip(trained: Trained, tmp_path: Path) -> None:
 def test_a_coarser_grid_is_every_second_row_of_the_samples(tmp_path: Path) -> None:
     coarse = replace(SAMPLES, wheel=SAMPLES.wheel[:, ::2, ::2].copy(), axle=SAMPLES.axle[:, ::2, ::2].copy())
     given, taken = (
-        train(samples, width=6, members=2, points=points, epochs=3)
+        train_network(samples, width=6, members=2, points=points, epochs=3)
         for samples, points in ((coarse, None), (SAMPLES, 5))
     )
     assert given.provenance.points == taken.provenance.points == 5
-    assert isinstance(taken.model, Energy)
+    assert isinstance(taken.model, FoundationEnsemble)
     assert taken.model.first.shape[::2] == (2, 6)
     expected, weights = given.model.state_dict(), taken.model.state_dict()
     assert all(torch.equal(weights[name], value) for name, value in expected.items())
-    save(tmp_path / "coarse.safetensors", taken.model, taken.provenance)
-    assert load(tmp_path / "coarse.safetensors")[1].points == 5
+    save_checkpoint(tmp_path / "coarse.safetensors", taken.model, taken.provenance)
+    assert load_checkpoint(tmp_path / "coarse.safetensors")[1].points == 5
 
 
 @pytest.mark.parametrize("points", [1, 3, 4, 17])
 def test_points_that_the_samples_or_the_slide_do_not_have_are_refused(points: int) -> None:
     with pytest.raises(TrainingError, match="points"):
-        train(SAMPLES, points=points, epochs=1)
+        train_network(SAMPLES, points=points, epochs=1)
 
 
 def test_outside_names_what_was_not_seen(trained: Trained) -> None:
-    assert outside(trained.provenance, max_height=0.02, levels=3, micro_friction=0.05) == []
-    (said,) = outside(trained.provenance, max_height=0.08, hurst_exponent=0.7)
+    assert outside_training(trained.provenance, max_height=0.02, levels=3, micro_friction=0.05) == []
+    (said,) = outside_training(trained.provenance, max_height=0.08, hurst_exponent=0.7)
     assert said.startswith("max_height = 0.08 is outside 0.005")
-    assert outside(trained.provenance, micro_friction=float("nan"))
+    assert outside_training(trained.provenance, micro_friction=float("nan"))
 
 
 class Trap:
@@ -228,27 +232,28 @@ def test_what_is_no_checkpoint_is_refused(
     trained: Trained, tmp_path: Path, damage: Callable[[Path], None], says: str
 ) -> None:
     path = tmp_path / "m.safetensors"
-    save(path, trained.model, trained.provenance)
+    save_checkpoint(path, trained.model, trained.provenance)
     damage(path)
     with pytest.raises(CheckpointError, match=says) as caught:
-        load(path)
+        load_checkpoint(path)
     assert path.name in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (PaperOptions(9), "no network 'paper'"), (EnergyOptions([1e4], 170.0, 3), "no network 'energy'"),
-        (EnergyOptions([3e4, 1e5], 170.0, 3, positions=1), "cannot be built|no network|do not fit"),
+        (CNNOptions(9), "no network 'paper'"),
+        (EnsembleOptions(stiffness=[1e4], load=170.0, members=3), "no network 'energy'"),
+        (EnsembleOptions(stiffness=[3e4, 1e5], load=170.0, members=3, positions=1), "cannot be built|no network|fit"),
     ],
 )  # fmt: skip
 def test_weights_of_another_network_are_refused(
-    trained: Trained, tmp_path: Path, options: EnergyOptions | PaperOptions, says: str
+    trained: Trained, tmp_path: Path, options: EnsembleOptions | CNNOptions, says: str
 ) -> None:
     path = tmp_path / "m.safetensors"
-    save(path, trained.model, msgspec.structs.replace(trained.provenance, options=options))  # a true digest
+    save_checkpoint(path, trained.model, msgspec.structs.replace(trained.provenance, options=options))  # a true digest
     with pytest.raises(CheckpointError, match=says):
-        load(path)
+        load_checkpoint(path)
 
 
 @pytest.mark.parametrize(
@@ -258,40 +263,44 @@ def test_options_that_do_not_fit_the_faces_are_refused(
     trained: Trained, tmp_path: Path, change: dict[str, float]
 ) -> None:
     options = msgspec.structs.replace(trained.provenance.options, **change)
-    save(tmp_path / "m.safetensors", trained.model, msgspec.structs.replace(trained.provenance, options=options))
+    save_checkpoint(
+        tmp_path / "m.safetensors", trained.model, msgspec.structs.replace(trained.provenance, options=options)
+    )
     with pytest.raises(CheckpointError, match=r"do not fit|cannot be read"):
-        load(tmp_path / "m.safetensors")
+        load_checkpoint(tmp_path / "m.safetensors")
 
 
 def test_weights_that_are_not_finite_are_refused(trained: Trained, tmp_path: Path) -> None:
     tensors = trained.model.state_dict() | {"widening": torch.tensor(float("nan"))}
     about = msgspec.json.encode(trained.provenance)
-    entry = msgspec.json.encode({"provenance": msgspec.Raw(about), "sha256": digest(tensors, about)}).decode()
+    entry = msgspec.json.encode(
+        {"provenance": msgspec.Raw(about), "sha256": checkpoint_digest(tensors, about)}
+    ).decode()
     (tmp_path / "m.safetensors").write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
     with pytest.raises(CheckpointError, match="widening has values that are not finite"):
-        load(tmp_path / "m.safetensors")
+        load_checkpoint(tmp_path / "m.safetensors")
 
 
 def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
     with (tmp_path / "m.safetensors").open("wb") as file:
-        file.truncate(LARGEST + 1)
+        file.truncate(LARGEST_FILE + 1)
     with pytest.raises(CheckpointError, match="larger than 200 MB"):
-        load(tmp_path / "m.safetensors")
+        load_checkpoint(tmp_path / "m.safetensors")
 
 
 def test_samples_nothing_can_be_learned_from() -> None:
     with pytest.raises(TrainingError, match="5 samples are too few"):
-        train(made(5))
+        train_network(made(5))
     bad = made(40)
     bad.axle[7, 0, 0] = np.nan
     with pytest.raises(TrainingError, match="sample 7: axle is not finite"):
-        train(bad)
+        train_network(bad)
     with pytest.raises(TrainingError, match="share too few surfaces"):
-        train(replace(SAMPLES, wheel_seed=np.zeros_like(SAMPLES.wheel_seed)))
+        train_network(replace(SAMPLES, wheel_seed=np.zeros_like(SAMPLES.wheel_seed)))
 
 
 def test_envelopes_are_clamped_from_below() -> None:
-    assert float(pairs(SAMPLES, "envelope").wheel.min()) == pytest.approx(LOWEST)
+    assert float(pair_tensors(SAMPLES, "envelope").wheel.min()) == pytest.approx(LOWEST_ENVELOPE)
 
 
 class Stop(Exception):
@@ -302,7 +311,7 @@ class Stop(Exception):
 def test_a_killed_training_goes_on_to_the_same_bits(
     architecture: Architecture, epochs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("surrogate.network.resume.EVERY", 0.0)
+    monkeypatch.setattr("surrogate.network.resume.SAVE_PERIOD_S", 0.0)
     state = tmp_path / "m.state.safetensors"
     seen: list[int] = []
 
@@ -312,7 +321,7 @@ def test_a_killed_training_goes_on_to_the_same_bits(
             if epoch == last:
                 raise Stop
 
-        return train(
+        return train_network(
             SAMPLES, architecture, seed=seed, members=2, epochs=epochs, device="cpu", resume=resume, watch=watch
         )
 
@@ -326,7 +335,7 @@ def test_a_killed_training_goes_on_to_the_same_bits(
     assert seen == [epochs]
     assert list(tmp_path.iterdir()) == []
     for number, result in enumerate((whole, resumed)):
-        save(tmp_path / f"{number}.safetensors", result.model, result.provenance)
+        save_checkpoint(tmp_path / f"{number}.safetensors", result.model, result.provenance)
     assert (tmp_path / "0.safetensors").read_bytes() == (tmp_path / "1.safetensors").read_bytes()
     np.testing.assert_array_equal(whole.curves.training, resumed.curves.training)
     assert whole.curves.validation == resumed.curves.validation
@@ -335,7 +344,7 @@ def test_a_killed_training_goes_on_to_the_same_bits(
 def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("surrogate.network.resume.EVERY", 0.0)
+    monkeypatch.setattr("surrogate.network.resume.SAVE_PERIOD_S", 0.0)
     state = tmp_path / "m.state.safetensors"
     seen: list[int] = []
 
@@ -345,33 +354,33 @@ def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
 
     for seed in (0, 0, 1):
         with pytest.raises(Stop):
-            train(SAMPLES, seed=seed, members=2, epochs=5, resume=state, watch=stop)
+            train_network(SAMPLES, seed=seed, members=2, epochs=5, resume=state, watch=stop)
     assert seen == [1, 2, 1]
     truncate(state)
     with pytest.raises(Stop):
-        train(SAMPLES, seed=1, members=2, epochs=5, resume=state, watch=stop)
+        train_network(SAMPLES, seed=1, members=2, epochs=5, resume=state, watch=stop)
     assert seen[-1] == 1
 
 
 def test_the_load_of_the_database_counts() -> None:
-    light, heavy = (train(SAMPLES, plates=Plates(pressure=load), epochs=0, members=2) for load in (50.0, 170.0))
-    assert isinstance(light.provenance.options, EnergyOptions)
+    light, heavy = (train_network(SAMPLES, plates=Plates(pressure=load), epochs=0, members=2) for load in (50.0, 170.0))
+    assert isinstance(light.provenance.options, EnsembleOptions)
     assert light.provenance.options.load == 50.0
     assert not torch.equal(light.model.state_dict()["last_bias"], heavy.model.state_dict()["last_bias"])
 
 
 def test_threshold_catches_nine_of_ten_that_lose_contact() -> None:
     least = torch.linspace(0.0, 1.0, 101)
-    held = torch.arange(101) > 50  # those up to 0.5 lose it
-    assert float(threshold(least, held)) == pytest.approx(0.45)
-    assert float(threshold(least, torch.ones(101, dtype=torch.bool))) == 0.0
+    in_contact = torch.arange(101) > 50  # those up to 0.5 lose it
+    assert float(contact_threshold(least, in_contact)) == pytest.approx(0.45)
+    assert float(contact_threshold(least, torch.ones(101, dtype=torch.bool))) == 0.0
 
 
 def test_gradient_reaches_every_trained_parameter() -> None:
     torch.manual_seed(0)
-    data = pairs(SAMPLES).take(np.arange(10))
-    for model in (Energy([1e4, 1e5], 170.0, members=2), Paper(9)):
-        if isinstance(model, Energy):
+    data = pair_tensors(SAMPLES).take(np.arange(10))
+    for model in (FoundationEnsemble([1e4, 1e5], 170.0, members=2), LallemanCNN(9)):
+        if isinstance(model, FoundationEnsemble):
             torch.nn.init.normal_(model.last, std=0.1)  # at zero it hides the layer before it
         else:
             model.low[0], model.range[0] = float(data.wheel.min()), float(data.wheel.max() - data.wheel.min())

@@ -1,0 +1,107 @@
+"""Friction tests of surfaces never seen, arranged by pair of surfaces and packing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from macrofit.base.arrays import BoolArray, FloatArray, IntArray
+
+from ..data.samples import Samples
+from ..errors import EvaluationError
+from ..network.checkpoint import Provenance
+
+
+@dataclass(frozen=True)
+class MeasuredPairs:
+    """Friction tests of n pairs of surfaces, p packings each, with k micro coefficients."""
+
+    samples: Samples
+    """Pair by pair, the packings of each one after the other, (n p,)."""
+    micro: FloatArray
+    """Micro coefficients, (k,), the same for all pairs."""
+    meso: FloatArray
+    """Meso coefficients, (n, p, k)."""
+    in_contact: BoolArray
+    """Whether contact was kept along the whole slide, (n, p)."""
+
+    @property
+    def packings(self) -> int:
+        """Number of packings of each pair, p."""
+        return self.meso.shape[1]
+
+    def spread_out(self, answers: FloatArray) -> FloatArray:
+        """Shape answers (n, k) or (n p, k) as (n, p, k)."""
+        n, p, k = self.meso.shape
+        return np.broadcast_to(answers.reshape(n, -1, k), (n, p, k))
+
+    @property
+    def bend(self) -> FloatArray:
+        """Largest distance of each test from its own straight line mu = a mu_micro + b [-], (n, p)."""
+        rows = self.meso.reshape(-1, len(self.micro)).T
+        a, b = np.polyfit(self.micro, rows, 1)
+        line = a[:, None] * self.micro + b[:, None]
+        return np.asarray(np.abs(rows.T - line).max(1).reshape(self.meso.shape[:2]))
+
+    @property
+    def noise_floor(self) -> FloatArray:
+        """Mean relative error of the true mean over packings against one packing (k,); nan from one packing."""
+        if self.packings < 2:
+            return np.full(len(self.micro), np.nan)
+        apart = [np.abs(self.meso[:, i] - self.meso[:, j]) for i, j in combinations(range(self.packings), 2)]
+        return np.asarray(np.mean(np.mean(apart, axis=0) / np.sqrt(2.0) / np.abs(self.meso.mean(1)), axis=0))
+
+
+def arrange_tests(samples: Samples) -> MeasuredPairs:
+    """Arrange the samples by pair of surfaces and packing.
+
+    Raises:
+        EvaluationError: pairs with different micro coefficients, or different numbers of packings.
+    """
+    keys = np.stack([samples.wheel_seed, samples.axle_seed], axis=1)
+    _, first, pair = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    packings = np.bincount(pair)
+    if len(packings) < 2:
+        raise EvaluationError("there is one pair of surfaces only: an evaluation takes at least two")
+    if np.ptp(packings):
+        raise EvaluationError(
+            f"pairs have {packings.min()} to {packings.max()} packings: wait for the end of the generation"
+        )
+    micro = samples.micro_friction
+    if np.ptp(micro, axis=0).any():
+        raise EvaluationError(
+            "pairs have different micro coefficients: generate with --micro-friction 0.03,0.05,0.07,0.09"
+        )
+    order = np.argsort(pair, kind="stable").reshape(len(first), -1)  # (n, p), by id
+    return MeasuredPairs(
+        samples=select_samples(samples, order.ravel()),
+        micro=micro[0],
+        meso=samples.meso_friction[order],
+        in_contact=np.all(samples.minimum_normal > 0.0, axis=1)[order],
+    )
+
+
+def require_unseen(samples: Samples, provenance: Provenance) -> None:
+    """Refuse samples whose surfaces, or for a network of envelopes whose packings, were there in training.
+
+    Raises:
+        EvaluationError: naming a seed.
+    """
+    kinds = [("surface", "--first-surface", provenance.surface_seeds, [samples.wheel_seed, samples.axle_seed])]
+    if provenance.faces == "envelope":
+        kinds.append(("packing", "--first-packing", provenance.packing_seeds, [samples.packing_seed]))
+    for what, option, (low, high), seeds in kinds:
+        every = np.concatenate(seeds)
+        known = every[(every >= low) & (every <= high)]
+        if known.size:
+            raise EvaluationError(
+                f"{what}s of seed {known[0]} and others ({known.size} of {every.size}) were learned from: "
+                f"generate with {option} beyond {high}"
+            )
+
+
+def select_samples(samples: Samples, rows: IntArray) -> Samples:
+    """Select some of the samples, in the order of `rows`."""
+    return Samples(**{name: column[rows] for name, column in vars(samples).items()})
