@@ -8,12 +8,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.progress import launched
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from macrofit.base.farm import Farm
 
 
 @click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
@@ -88,7 +93,7 @@ def generate(
     """Fill a database with friction tests of random pairs of rough plates.
 
     Whatever ends it, the same command goes on: samples that are there are not computed again, and more --pairs add to
-    them. Under mpirun the first rank hands out the work and writes, the others compute: take a rank more than cores.
+    them. Under mpirun all ranks compute, and the first one writes.
     """
     with farm(jobs) as workers:
         if workers is None:
@@ -105,49 +110,42 @@ def generate(
             fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
         except KeyboardInterrupt:
             complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
-            leave(INTERRUPTED)
+            if (comm := ranks()) is not None:
+                comm.Abort(INTERRUPTED)
+            click.get_current_context().exit(INTERRUPTED)
         for line in [] if quiet else describe_database(path):
             click.echo(line)
 
 
 @contextmanager
-def farm(jobs: int | None) -> Iterator[Any]:
-    """Who computes: the ranks of mpirun, or processes of this machine. None on a rank that has done so already."""
-    size = 1
-    if launched():
-        from mpi4py import MPI
+def farm(jobs: int | None) -> Iterator[Farm | None]:
+    """Who computes: the ranks of mpirun, or processes of this machine; None on a rank that has helped the first one."""
+    from macrofit.base.farm import MpiFarm, ProcessFarm, SerialFarm
 
-        size = MPI.COMM_WORLD.size
-    if size > 1:
-        from mpi4py.futures import MPICommExecutor
-
-        if jobs is not None:
-            raise click.UsageError("--jobs: leave it out under mpirun, whose ranks do the work")
-        if MPI.COMM_WORLD.rank:
+    comm = ranks()
+    if comm is None:
+        jobs = jobs or len(os.sched_getaffinity(0))
+        yield SerialFarm() if jobs == 1 else ProcessFarm(jobs)
+        return
+    if jobs is not None:
+        raise click.UsageError("--jobs: leave it out under mpirun, whose ranks do the work")
+    with MpiFarm(comm) as workers:
+        if comm.rank == 0:
+            yield workers
+        else:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first rank ends all
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
-            if executor is None:
-                yield None
-            else:
-                from .data.farm import Ranks
-
-                yield Ranks(executor, size - 1)
-        return
-    from .data.farm import Here, Pool
-
-    jobs = jobs or len(os.sched_getaffinity(0))
-    yield Here() if jobs == 1 else Pool(jobs)
+            workers.help()
+            yield None
 
 
-def leave(code: int) -> None:
-    """End this process, and under mpirun all others."""
-    if launched():
-        from mpi4py import MPI
+def ranks() -> MPI.Comm | None:
+    """The ranks of mpirun; None where this process is alone."""
+    if not launched():
+        return None
+    from mpi4py import MPI
 
-        if MPI.COMM_WORLD.size > 1:
-            MPI.COMM_WORLD.Abort(code)
-    click.get_current_context().exit(code)
+    return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
 
 
 @main.command()

@@ -91,18 +91,43 @@ class ProcessFarm:
 
 
 class MpiFarm:
-    """The ranks of a communicator, the first one among them; it accepts between two tasks of its own. Collective.
+    """The ranks of a communicator: the first one gives orders by `run`, the others `help` until it leaves the block.
+
+    The first rank works too, and accepts results between two tasks of its own.
 
     Args:
-        comm: the ranks; all of them call `run` with the same tasks.
+        comm: the ranks.
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
         self._comm = comm
 
     def run(self, tasks: Sequence[Task], work: Callable[[Task], Result], accept: Callable[[Result], None]) -> None:
-        """As they end; rank r does tasks number r, r + size, ...; see `deal`."""
-        deal(tasks, self._comm, lambda task, _: work(task), accept)
+        """As they end; ``work`` and the tasks are sent to the ranks, so both must be picklable; see `deal`."""
+        self._comm.bcast((tasks, work))
+        deal(tasks, self._comm, _without_poll(work), accept)
+
+    def help(self) -> None:
+        """Do what the first rank orders, on every other rank."""
+        while (order := self._comm.bcast(None)) is not None:
+            tasks, work = order
+            deal(tasks, self._comm, _without_poll(work), _nothing)
+
+    def __enter__(self) -> MpiFarm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._comm.rank == 0:
+            self._comm.bcast(None)
+
+
+def _without_poll(work: Callable[[Task], Result]) -> Callable[[Task, Callable[[], None]], Result]:
+    """Work that is too short to look for messages in between."""
+    return lambda task, _: work(task)
+
+
+def _nothing(result: object) -> None:
+    """Accept a result on a rank that gets none."""
 
 
 class Stopped(Exception):

@@ -2,7 +2,7 @@
 
     design = Design(max_height=(0.005, 0.04))
     settings = plate_settings(["plates.spheres=3000"])
-    generate_samples(Path("train.h5"), design, settings, pairs=1000, farm=Pool(2))
+    generate_samples(Path("train.h5"), design, settings, pairs=1000, farm=ProcessFarm(2))
 
 Sample `id` = packings x pair + packing. A sample depends on its place in the design alone, so whatever is killed goes
 on with the same call, by any number of workers.
@@ -10,15 +10,15 @@ on with the same call, by any number of workers.
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from macrofit.base.farm import Farm
+
 from .database import open_database
 from .design import Design
-from .farm import Farm
 from .monitor import FarmMonitor, Silent
-from .sample import design_tasks, header_of
+from .sample import Result, design_tasks, header_of, simulate
 
 if TYPE_CHECKING:
     from meso.settings import Settings
@@ -42,7 +42,7 @@ def generate_samples(
     Raises:
         DesignError: the design asks for what cannot be.
         DatabaseError: see `open_database`.
-        SurrogateError: a process of the farm was killed.
+        FarmError: a process of the farm was killed.
     """
     monitor = monitor or Silent()
     header = header_of(design, settings)
@@ -50,15 +50,15 @@ def generate_samples(
     with open_database(path, header) as (writer, done):
         ahead = [task for task in tasks if task.id not in done]
         monitor.started(len(tasks), len(tasks) - len(ahead))
-        results = farm.results(ahead)
+
+        def accept(result: Result) -> None:
+            if result.reason:
+                writer.fail(result.id, result.reason)
+            else:
+                writer.append(result.row)
+            monitor.advanced(failed=bool(result.reason))
+
         try:
-            for result in results:
-                if result.reason:
-                    writer.fail(result.id, result.reason)
-                else:
-                    writer.append(result.row)
-                monitor.advanced(failed=bool(result.reason))
+            farm.run(ahead, simulate, accept)
         finally:
-            if isinstance(results, Generator):
-                results.close()  # ends the processes of a farm that is left early
             monitor.finished()

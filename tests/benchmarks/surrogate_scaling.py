@@ -23,10 +23,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
+from macrofit.base.farm import SerialFarm
 from surrogate.data.database import Samples, content_hash, open_database, read_database
 from surrogate.data.design import Design
 from surrogate.data.faces import generated_face
-from surrogate.data.farm import Here
 from surrogate.data.generate import generate_samples
 from surrogate.data.sample import plate_settings
 from surrogate.evaluation.measured import select_samples
@@ -122,12 +122,12 @@ def generations(sizes: Sequence[int], folder: Path) -> Iterator[dict[str, float]
     """CPU time of whole databases of small plates, after a warm one."""
     settings = plate_settings(["plates.spheres=600"])
     with own_cache(folder / "warm"):
-        generate_samples(folder / "warm.h5", Design(), settings, 1, Here())
+        generate_samples(folder / "warm.h5", Design(), settings, 1, SerialFarm())
     for size in sizes:
         path = folder / f"farm{size}.h5"
         with own_cache(folder / f"cache{size}"):
             began = time.process_time()
-            generate_samples(path, Design(), settings, size, Here())
+            generate_samples(path, Design(), settings, size, SerialFarm())
             taken = time.process_time() - began
         found = read_database(path)
         if len(found.samples) + len(found.failures) != size:

@@ -65,6 +65,6 @@ def test_killed_and_gone_on_with(alone, tmp_path, mpirun: Mpirun):
         done = mpirun(3, *COMMAND, "-o", path, cwd=ROOT)
         if done.returncode == 0:
             break
-        assert "another process is filling" in done.stderr
+        assert "another process is writing it" in done.stderr
         assert time.monotonic() < patience
     assert read_database(path).content_hash == alone.content_hash

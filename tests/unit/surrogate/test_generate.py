@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from macrofit.base.farm import ProcessFarm, SerialFarm
 from meso.friction_test import run
 from meso.plates import rough_face
 from surrogate.data.database import read_database
 from surrogate.data.design import FINEST_LEVEL, FRICTION_RANGE, Design
-from surrogate.data.farm import Here, Pool
 from surrogate.data.generate import generate_samples
 from surrogate.data.journal import journal_of
 from surrogate.data.sample import design_tasks, header_of, plate_settings
@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[2]
 def database(tmp_path_factory):
     """Six pairs of the plain design, by this process."""
     path = tmp_path_factory.mktemp("farm") / "here.h5"
-    generate_samples(path, Design(), SMALL, PAIRS, Here())
+    generate_samples(path, Design(), SMALL, PAIRS, SerialFarm())
     return read_database(path)
 
 
@@ -193,7 +193,7 @@ def test_a_failure_is_kept_and_does_not_stop_the_rest(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Design, "points", one_too_deep)
     for _ in range(2):
-        generate_samples(path, Design(), SMALL, 3, Here())
+        generate_samples(path, Design(), SMALL, 3, SerialFarm())
         found = read_database(path)
         assert found.samples.id.tolist() == [0, 2]
         assert list(found.failures) == [1]
@@ -206,7 +206,7 @@ def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
 
     monkeypatch.setattr("surrogate.data.sample.run", broken)
     with pytest.raises(ZeroDivisionError):
-        generate_samples(tmp_path / "a.h5", Design(), SMALL, 1, Here())
+        generate_samples(tmp_path / "a.h5", Design(), SMALL, 1, SerialFarm())
 
 
 # --- the farm
@@ -215,7 +215,7 @@ def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
 def test_two_processes_make_the_same_and_none_is_left(database, tmp_path):
     path = tmp_path / "a.h5"
     before = set(children(os.getpid()))
-    generate_samples(path, Design(), SMALL, PAIRS, Pool(2))
+    generate_samples(path, Design(), SMALL, PAIRS, ProcessFarm(2))
     assert_same(read_database(path), database)
     left = [pid for pid in set(children(os.getpid())) - before if "resource_tracker" not in cmdline(pid)]
     assert left == []
@@ -227,11 +227,11 @@ def cmdline(pid: int) -> str:
 
 def test_another_design_or_other_plates_are_refused(tmp_path):
     path = tmp_path / "a.h5"
-    generate_samples(path, Design(), SMALL, 1, Here())
+    generate_samples(path, Design(), SMALL, 1, SerialFarm())
     with pytest.raises(DatabaseError, match=r"max_height was \[0.005, 0.04\], now \[0.01, 0.04\]"):
-        generate_samples(path, Design(max_height=(0.01, 0.04)), SMALL, 1, Here())
+        generate_samples(path, Design(max_height=(0.01, 0.04)), SMALL, 1, SerialFarm())
     with pytest.raises(DatabaseError, match="spheres = 500"):
-        generate_samples(path, Design(), plate_settings(["plates.spheres=600"]), 1, Here())
+        generate_samples(path, Design(), plate_settings(["plates.spheres=600"]), 1, SerialFarm())
 
 
 @pytest.mark.slow
