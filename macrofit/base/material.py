@@ -6,14 +6,15 @@ from typing import Annotated
 
 import msgspec
 
+from .keys import Keys, Positive, told
 from .steel import POISSON_RATIO, YOUNGS_MODULUS
 
 
-class ElasticMaterial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class ElasticMaterial(Keys, frozen=True):
     """Isotropic linear elasticity: two constants, and what follows from them. By default axle steel."""
 
-    youngs_modulus: Annotated[float, msgspec.Meta(description="Young's modulus E [MPa]", gt=0.0)] = YOUNGS_MODULUS
-    poisson_ratio: Annotated[float, msgspec.Meta(description="Poisson ratio nu [-]", gt=-1.0, lt=0.5)] = POISSON_RATIO
+    youngs_modulus: Annotated[Positive, told("Young's modulus E [MPa].")] = YOUNGS_MODULUS
+    poisson_ratio: Annotated[float, msgspec.Meta(description="Poisson ratio nu [-].", gt=-1.0, lt=0.5)] = POISSON_RATIO
 
     @property
     def shear_modulus(self) -> float:

@@ -10,21 +10,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from ..base.keys import Keys, NotNegative, Positive, told
 from .material import Material
-
-
-class Keys(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of every table of a scene: frozen, and an unknown key is an error."""
-
-
-Positive: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
-NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0)]
-
-
-def told(description: str) -> msgspec.Meta:
-    """The description of a key for the schema, with its unit in brackets."""
-    return msgspec.Meta(description=description)
-
 
 Metal: TypeAlias = Annotated[Material, told("Elastic constants of the body.")]
 
@@ -162,7 +149,9 @@ class FrictionKeys(Keys, frozen=True):
     """The friction provider by its entry-point name, and its options."""
 
     provider: Annotated[str, told("Name of the friction provider, see `macrofit providers`.")] = "uniform"
-    options: Annotated[dict[str, Any], told("Options of the provider, with its own keys and units.")] = {}
+    options: Annotated[dict[str, Any], told("Options of the provider, with its own keys and units.")] = msgspec.field(
+        default_factory=dict
+    )
 
 
 class OutputKeys(Keys, frozen=True):

@@ -5,8 +5,6 @@ The tables themselves are in ``keys``.
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -14,11 +12,11 @@ from typing import Any
 
 import msgspec
 
-from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override, unknown_key
+from ..base.keys import KeyMistake, decode_tables
+from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override
 from ..errors import SceneError
 from .checks import check_scene
-from .keys import ContactKeys, Disc, FrictionKeys, Hub, Keys, MeshFile, MeshKeys, Motion, OutputKeys, Scene, Shaft
-from .material import Material
+from .keys import Scene
 from .refine import refined
 
 PROVIDER, PRESET = ("friction", "provider"), ("preset",)
@@ -64,11 +62,10 @@ def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
     _name_shapes(tables, folder)
     if isinstance(tables.get("friction"), dict):
         tables["friction"] = _place_tables(tables["friction"], "provider", folder or Path())
-    _check_numbers(tables, "")
     try:
-        scene = msgspec.convert(tables, Scene)
-    except msgspec.ValidationError as error:
-        raise SceneError(_one_line(error, tables)) from None
+        scene = decode_tables(tables, Scene, "scene")
+    except KeyMistake as error:
+        raise SceneError(_advice(str(error), tables)) from None
     check_scene(scene)
     return scene
 
@@ -130,77 +127,13 @@ def _place_tables(friction: Mapping[str, Any], named: str, folder: Path) -> dict
     return placed
 
 
-_FIELDS: dict[str, type[Keys]] = {
-    "": Scene,
-    "mesh": MeshKeys,
-    "contact": ContactKeys,
-    "motion": Motion,
-    "friction": FrictionKeys,
-    "output": OutputKeys,
-}
-_SHAPES: dict[str, type[Keys]] = {"shaft": Shaft, "wheel": Hub, "disc": Disc, "mesh": MeshFile}
-
-
-def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any]) -> str:
-    """Turn msgspec's message into 'table.key: what is wrong (what to try)'."""
-    message, _, place = str(error).partition(" - at `$")
-    where = place.rstrip("`").lstrip(".").replace("[...]", "")
-    unknown = re.search(r"unknown field `(.+)`", message)
-    missing = re.search(r"missing required field `(.+)`", message)
-    if unknown:
-        key = unknown.group(1)
-        if where in ("axle", "wheel") and tables[where].get("shape") == "mesh":
-            return f"{_join(where, key)}: not used where mesh.{where} gives a file; leave one of them out"
-        return unknown_key(_join(where, key), _known_keys(where, tables))
-    if missing:
-        return f"{_join(where, missing.group(1))}: missing"
-    if "Invalid value" in message and where.endswith(".shape"):
-        return f"{where}: {message} (try shaft, wheel or disc; a mesh file goes under [mesh])"
-    bound = re.fullmatch(r"Expected `\w+` (>=?|<=?) (\S+)", message)
-    if bound:
-        return f"{where}: {_value_at(tables, where)} must {_bound(*bound.groups())}"
-    if "of length >= 1" in message:
-        return f"{where}: is empty"
-    return f"{where or 'scene'}: {message[0].lower()}{message[1:]}"
-
-
-_BOUNDS = {">": "be above", ">=": "not be below", "<": "be below", "<=": "not exceed"}
-
-
-def _bound(sign: str, limit: str) -> str:
-    """What a value must do, after "must"."""
-    if float(limit) == 0.0 and sign in (">", ">="):
-        return "be positive" if sign == ">" else "not be negative"
-    return f"{_BOUNDS[sign]} {float(limit):g}"
-
-
-def _value_at(tables: Mapping[str, Any], where: str) -> Any:
-    value: Any = tables
-    for key in where.split("."):
-        value = value[key]
-    return value
-
-
-def _known_keys(where: str, tables: Mapping[str, Any]) -> list[str]:
-    struct: type[Any] | None = _FIELDS.get(where)
-    if where.endswith(".material"):
-        struct = Material
-    elif where in ("axle", "wheel"):
-        struct = _SHAPES.get(tables[where].get("shape", ""))
-    return [] if struct is None else list(struct.__struct_fields__)
-
-
-def _join(where: str, key: str) -> str:
-    return f"{where}.{key}" if where else key
-
-
-def _check_numbers(value: Any, where: str) -> None:
-    """No NaN or infinity anywhere."""
-    if isinstance(value, Mapping):
-        for key, item in value.items():
-            _check_numbers(item, _join(where, key))
-    elif isinstance(value, list | tuple):
-        for item in value:
-            _check_numbers(item, where)
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise SceneError(f"{where}: {value} is not a finite number")
+def _advice(said: str, tables: Mapping[str, Any]) -> str:
+    """What is wrong with a key, and what to try where the shape of a body is concerned."""
+    body, _, key = said.partition(": ")[0].partition(".")
+    if body not in ("axle", "wheel"):
+        return said
+    if key == "shape" and "nvalid value" in said:
+        return f"{said} (try shaft, wheel or disc; a mesh file goes under [mesh])"
+    if ": unknown key" in said and tables[body].get("shape") == "mesh":
+        return f"{body}.{key}: not used where mesh.{body} gives a file; leave one of them out"
+    return said

@@ -1,0 +1,128 @@
+"""Tables of keys as frozen records: decoded strictly, and what is wrong said in one line that names the key."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, TypeAlias, TypeVar
+
+import msgspec
+
+from .errors import MacrofitError
+from .toml import unknown_key
+
+Positive: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
+NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0)]
+Table = TypeVar("Table", bound=msgspec.Struct)
+
+BOUNDS = {">": "be above", ">=": "not be below", "<": "be below", "<=": "not exceed"}
+"""What a value must do, by the sign of its bound."""
+
+
+class Keys(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of every table: frozen, and an unknown key is an error."""
+
+
+def told(description: str) -> msgspec.Meta:
+    """The description of a key for the schema, with its unit in brackets."""
+    return msgspec.Meta(description=description)
+
+
+class KeyMistake(MacrofitError):
+    """A key that is unknown or missing, or a value of another type or out of its bounds."""
+
+
+def decode_tables(tables: Mapping[str, Any], kind: type[Table], whole: str) -> Table:
+    """Plain tables as a record.
+
+    Args:
+        tables: as TOML has them.
+        kind: the record, its keys annotated with their bounds.
+        whole: what the tables are, for a message about all of them.
+
+    Raises:
+        KeyMistake: one line, ``table.key: what is wrong (what to try)``.
+    """
+    _refuse_nan(tables, "")
+    try:
+        return msgspec.convert(tables, kind)
+    except msgspec.ValidationError as error:
+        raise KeyMistake(_one_line(error, tables, kind, whole)) from None
+
+
+def join_keys(where: str, key: str) -> str:
+    """A dotted key."""
+    return f"{where}.{key}" if where else key
+
+
+def _refuse_nan(value: Any, where: str) -> None:
+    """No NaN or infinity anywhere."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _refuse_nan(item, join_keys(where, str(key)))
+    elif isinstance(value, list | tuple):
+        for item in value:
+            _refuse_nan(item, where)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise KeyMistake(f"{where}: {value} is not a finite number")
+
+
+def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any], kind: type[msgspec.Struct], whole: str) -> str:
+    """msgspec's message as ``table.key: what is wrong (what to try)``."""
+    message, _, place = str(error).partition(" - at `$")
+    where = re.sub(r"\[[^]]*\]", "", place.rstrip("`").lstrip("."))
+    unknown = re.search(r"unknown field `(.+)`", message)
+    missing = re.search(r"missing required field `(.+)`", message)
+    bound = re.fullmatch(r"Expected `\w+` (>=?|<=?) (\S+)", message)
+    if unknown:
+        return unknown_key(join_keys(where, unknown.group(1)), _known_keys(kind, where, tables))
+    if missing:
+        return f"{join_keys(where, missing.group(1))}: missing"
+    if bound:
+        return f"{where}: {_value_at(tables, where)} must {_bound(*bound.groups())}"
+    if "of length >= 1" in message:
+        return f"{where}: is empty"
+    return f"{where or whole}: {message[0].lower()}{message[1:]}"
+
+
+def _bound(sign: str, limit: str) -> str:
+    """What a value must do, after "must"."""
+    if float(limit) == 0.0 and sign in (">", ">="):
+        return "be positive" if sign == ">" else "not be negative"
+    return f"{BOUNDS[sign]} {float(limit):g}"
+
+
+def _value_at(tables: Mapping[str, Any], where: str) -> Any:
+    value: Any = tables
+    for key in where.split("."):
+        value = value[key] if isinstance(value, Mapping) else value
+    return value
+
+
+def _known_keys(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence[str]:
+    """The keys of the table at a dotted place; the tag of a table that may be of several kinds decides."""
+    from msgspec import inspect
+
+    info: Any = inspect.type_info(kind)
+    for key in filter(None, where.split(".")):
+        tables = tables.get(key, {})
+        fields = {field.encode_name: field.type for field in info.fields}
+        info = _table_info(fields[key], tables)
+        if info is None:
+            return []
+    return [field.encode_name for field in info.fields]
+
+
+def _table_info(info: Any, table: Any) -> Any:
+    """What msgspec knows of the kind of this table; None where it is none."""
+    from msgspec import inspect
+
+    while isinstance(info, inspect.Metadata):
+        info = info.type
+    if isinstance(info, inspect.StructType):
+        return info
+    kinds = [_table_info(kind, table) for kind in getattr(info, "types", ())]
+    tagged = [kind for kind in kinds if kind is not None]
+    named = [kind for kind in tagged if kind.tag is not None and table.get(kind.tag_field) == kind.tag]
+    return next(iter([*named, *tagged]), None)
