@@ -49,9 +49,9 @@ if TYPE_CHECKING:
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
 YOUNGS_MODULUS_SLACK = 0.03
-"""Relative [-]. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
+"""Largest relative distance from the plates' modulus [-]. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
 POISSON_RATIO_SLACK = 0.005
-"""Absolute [-]."""
+"""Largest distance from the plates' Poisson's ratio [-]."""
 LARGEST_FRICTION = math.nextafter(2.0, 0.0)
 """Largest coefficient that the contract accepts [-]."""
 
@@ -64,7 +64,7 @@ class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     max_height: float = 0.02
     """R [mm]: corners and noise lie in [-R/2, R/2]."""
     hurst_exponent: float = 0.8
-    """H [-]."""
+    """Hurst exponent H [-]."""
 
 
 class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

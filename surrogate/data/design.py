@@ -38,11 +38,11 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
     """Flat packings, of two plates each, that share the pairs. With 16 of them a network of envelopes learns these very
     spheres: its error on others was 0.86 % where cross-validation among them had promised 0.62 %."""
     max_height: tuple[float, float] = (0.005, 0.04)
-    """R, log-uniform [mm]."""
+    """Range of R, the range of the random heights, log-uniform [mm]."""
     levels: tuple[int, ...] = (3, 4)
     """Numbers of subdivisions, each as likely."""
     hurst_exponent: tuple[float, float] = (0.5, 1.0)
-    """H, uniform [-]."""
+    """Range of the Hurst exponent H, uniform [-]."""
     micro_friction: int | tuple[float, ...] = 2
     """How many, one in each part of FRICTION_RANGE; or the coefficients themselves, the same for all pairs."""
 
@@ -112,10 +112,10 @@ class Point(msgspec.Struct, frozen=True, kw_only=True):
     """What the design chooses for a pair."""
 
     max_height: float
-    """R [mm]."""
+    """Range R of the random heights [mm]."""
     levels: int
     """Subdivisions of a surface, n."""
     hurst_exponent: float
-    """H [-]."""
+    """Hurst exponent H [-]."""
     micro_friction: tuple[float, ...]
     """Micro coefficients [-], rising."""

@@ -103,7 +103,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         return np.dtype([(field.name, known.get(field.name, np.dtype("<i8"))) for field in fields(Samples)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Samples:
     """Friction tests, one row each, sorted by id: n pairs of plates, each slid with k micro coefficients.
 
@@ -123,9 +123,9 @@ class Samples:
     levels: IntArray
     """Subdivisions of both surfaces."""
     max_height: FloatArray
-    """R [mm]."""
+    """Range R of the random heights [mm]."""
     hurst_exponent: FloatArray
-    """H [-]."""
+    """Hurst exponent H [-]."""
     wheel: HeightArray
     """Surface of the wheel [mm], shape (n, 33, 33) on 1 x 1 mm; exact, for grids of 2^levels + 1 points nest."""
     axle: HeightArray

@@ -69,9 +69,10 @@ def train_network(
     resume: Path | None = None,
     watch: Watch | None = None,
 ) -> Trained:
-    """Train a network on 70 % of the samples, by families of surfaces; the same seed gives the same bits.
+    """Train a network on 70 % of the samples, by families of surfaces.
 
-    (On the same machine, with the same number of threads. The global generator of torch is left as it was.)
+    The same seed gives the same bits on the same machine with as many threads. The global generator of torch is left as
+    it was.
 
     Args:
         samples: friction tests of a database.
@@ -110,8 +111,7 @@ def train_network(
         )
         limit = EPOCHS[architecture] if epochs is None else epochs
         curves = descend(model, descent, limit, PATIENCE[architecture], saved, watch)
-    model.requires_grad_(False).eval().to("cpu")
-    calibrate_spread(model, validation)
+    calibrate_spread(model.requires_grad_(False).eval().to("cpu"), validation)
     scores = score_network(model, validation)
     saved.remove()
     provenance = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)

@@ -49,18 +49,18 @@ TRAINING = """
 import time, torch
 from pathlib import Path
 import numpy as np
-from surrogate.data.database import read
-from surrogate.evaluation.measured import take
-from surrogate.network.train import train
+from surrogate.data.database import read_database
+from surrogate.evaluation.measured import select_samples
+from surrogate.network.train import train_network
 torch.set_num_threads(1)
 
 def cpu(samples, epochs):
     begin = time.process_time()
-    train(samples, epochs=epochs)
+    train_network(samples, epochs=epochs)
     return time.process_time() - begin
 
-samples = read(Path({path!r})).samples
-cpu(take(samples, np.arange({fewest})), 1)
+samples = read_database(Path({path!r})).samples
+cpu(select_samples(samples, np.arange({fewest})), 1)
 setup = cpu(samples, 0)
 print(setup, (cpu(samples, {epochs}) - setup) / {epochs})
 """
