@@ -22,7 +22,7 @@ MESHES = Path(__file__).parents[3] / "meshes"
 def area(data: MeshData) -> float:
     """Area of the triangles [mm2]."""
     a, b, c = (data.points[data.triangles[:, k]] for k in range(3))
-    return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
+    return float(0.5 * np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
 
 
 def even(facet: float) -> Sizes:
@@ -75,7 +75,9 @@ def test_elements_follow_the_graded_facets() -> None:
     assert len(graded.triangles) < 0.4 * len(fine.triangles)
     centre = graded.points[graded.triangles].mean(axis=1)
     a, b, c = (graded.points[graded.triangles[:, k]] for k in range(3))
-    size = np.sqrt(np.abs(np.cross(b - a, c - a)) / 2.0 * 4.0 / np.sqrt(3.0))  # edge of the equal equilateral one
+    size = np.sqrt(
+        np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2.0 * 4.0 / np.sqrt(3.0)
+    )  # edge of the equal equilateral one
     corner = np.hypot(centre[:, 0] - 95.0, centre[:, 1]) < 3.0
     assert np.median(size[corner]) < 0.9
     far = (np.abs(centre[:, 1] - 120.0) < 20.0) & (centre[:, 0] > 91.0)
