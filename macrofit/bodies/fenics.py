@@ -10,6 +10,7 @@ import importlib.metadata
 import logging
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,22 +30,28 @@ from .mesh import MeshData
 
 
 @contextmanager
-def _own_versions_only() -> Iterator[None]:
-    """Spare ufl and ffcx a tenth of a second: pkg_resources reads all that is installed to tell them their version."""
-    if "pkg_resources" in sys.modules:
-        yield
-        return
-    stand_in = ModuleType("pkg_resources")
-    stand_in.get_distribution = importlib.metadata.distribution  # type: ignore[attr-defined]
-    sys.modules["pkg_resources"] = stand_in
+def _bare_imports() -> Iterator[None]:
+    """Spare dolfinx 0.2 s of imports.
+
+    pkg_resources reads all that is installed to tell ufl and ffcx of 0.5 their version; 0.9 imports numba for
+    kernels in Python, and does without it where it is not installed.
+    """
+    versions = ModuleType("pkg_resources")
+    versions.get_distribution = importlib.metadata.distribution  # type: ignore[attr-defined]
+    stand_ins = {"pkg_resources": versions, "llvmlite": None, "numba": None}
+    stand_ins = {name: stand_in for name, stand_in in stand_ins.items() if name not in sys.modules}
+    sys.modules.update(stand_ins)  # type: ignore[arg-type]
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ImportWarning)
+            yield
     finally:
-        del sys.modules["pkg_resources"]
+        for name in stand_ins:
+            del sys.modules[name]
 
 
 petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
-with _own_versions_only():
+with _bare_imports():
     import basix
     import ufl
     from dolfinx import fem, mesh

@@ -39,7 +39,7 @@ def test_cold_and_broken_cache(tmp_path: Path) -> None:
         )  # fmt: skip
         assert done.stdout + done.stderr == ""
         libraries = list((tmp_path / "fenics").glob("*.so"))
-        assert len(libraries) == 2
+        assert libraries
         for path in [*libraries, *(tmp_path / "fenics").glob("*.cached")]:
             path.unlink()
 

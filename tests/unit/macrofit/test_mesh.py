@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small import small_press
 
+from macrofit.base.arrays import FloatArray
 from macrofit.bodies.body import Body
 from macrofit.bodies.geometry import Sizes, draw
 from macrofit.bodies.mesh import MeshData, mesh_drawing, read_mesh
@@ -19,10 +20,15 @@ from macrofit.solve import solve
 MESHES = Path(__file__).parents[3] / "meshes"
 
 
+def triangles(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Areas of triangles by their corners (n, 2) [mm2]."""
+    return 0.5 * np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1)))
+
+
 def area(data: MeshData) -> float:
     """Area of the triangles [mm2]."""
     a, b, c = (data.points[data.triangles[:, k]] for k in range(3))
-    return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
+    return float(triangles(a, b, c).sum())
 
 
 def even(facet: float) -> Sizes:
@@ -75,7 +81,7 @@ def test_elements_follow_the_graded_facets() -> None:
     assert len(graded.triangles) < 0.4 * len(fine.triangles)
     centre = graded.points[graded.triangles].mean(axis=1)
     a, b, c = (graded.points[graded.triangles[:, k]] for k in range(3))
-    size = np.sqrt(np.abs(np.cross(b - a, c - a)) / 2.0 * 4.0 / np.sqrt(3.0))  # edge of the equal equilateral one
+    size = np.sqrt(triangles(a, b, c) * 4.0 / np.sqrt(3.0))  # edge of the equal equilateral one
     corner = np.hypot(centre[:, 0] - 95.0, centre[:, 1]) < 3.0
     assert np.median(size[corner]) < 0.9
     far = (np.abs(centre[:, 1] - 120.0) < 20.0) & (centre[:, 0] > 91.0)
