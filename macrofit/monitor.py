@@ -35,13 +35,13 @@ class Silent:
     """Shows nothing: the default."""
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
-        """Nothing."""
+        """Show nothing of the start."""
 
     def increment(self, record: Increment) -> None:
-        """Nothing."""
+        """Show nothing of an increment."""
 
     def finished(self) -> None:
-        """Nothing."""
+        """Show nothing of the end."""
 
 
 class Several:
@@ -107,12 +107,12 @@ class Progress:
         self._total = 0
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
-        """Show the bar."""
+        """Show the bar at its start."""
         self._total = total_increments
         self._bar.start(total_increments, description=f"{dofs} dofs", place="")
 
     def increment(self, record: Increment) -> None:
-        """Move the bar."""
+        """Move the bar by what is done."""
         place = f"{record.displacement:.6g} mm  {record.force / 1e3:.5g} kN"
         self._bar.update(completed=min(record.index + 1, self._total), place=place)
 

@@ -33,16 +33,16 @@ class Silent:
     """Shows nothing."""
 
     def started(self, stages: int) -> None:
-        """Nothing."""
+        """Show nothing of the start."""
 
     def stage(self, text: str) -> None:
-        """Nothing."""
+        """Show nothing of a stage."""
 
     def done(self, text: str) -> None:
-        """Nothing."""
+        """Show nothing of what a stage gave."""
 
     def finished(self) -> None:
-        """Nothing."""
+        """Show nothing of the end."""
 
 
 class Lines:
@@ -78,7 +78,7 @@ class Progress:
         self._done = 0
 
     def started(self, stages: int) -> None:
-        """Show the bar."""
+        """Show the bar at its start."""
         self._bar.start(stages)
         self._since = time.perf_counter()
 

@@ -17,9 +17,9 @@ import click
 from .errors import MacrofitError
 
 BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
-"""Exit codes."""
+"""Exit codes of every command."""
 SETTINGS = {"help_option_names": ["-h", "--help"]}
-"""Of every command's context."""
+"""Settings of the context of every command."""
 FILE = click.Path(path_type=Path)
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that numpy, PETSc and numba read when they are first imported."""

@@ -38,7 +38,7 @@ class FarmError(MacrofitError):
 
 
 class Farm(Protocol):
-    """Who computes."""
+    """Whoever computes the tasks of a study or a database."""
 
     def run(self, tasks: Sequence[Task], work: Callable[[Task], Result], accept: Callable[[Result], None]) -> None:
         """Do every task with ``work`` and hand every result to ``accept``."""

@@ -52,7 +52,7 @@ def decode_tables(tables: Mapping[str, Any], kind: type[Table], whole: str) -> T
 
 
 def join_keys(where: str, key: str) -> str:
-    """A dotted key."""
+    """The dotted key of a key within a table."""
     return f"{where}.{key}" if where else key
 
 

@@ -52,7 +52,7 @@ class Bar:
         self._drawn = 0.0
 
     def start(self, total: int, completed: int = 0, description: str = "", **fields: Any) -> None:
-        """Show the bar."""
+        """Show the bar for so many steps."""
         from rich import progress
 
         columns = [

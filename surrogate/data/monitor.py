@@ -32,13 +32,13 @@ class Silent:
     """Shows nothing."""
 
     def started(self, total: int, done: int) -> None:
-        """Nothing."""
+        """Show nothing of the start."""
 
     def advanced(self, *, failed: bool) -> None:
-        """Nothing."""
+        """Show nothing of a sample."""
 
     def finished(self) -> None:
-        """Nothing."""
+        """Show nothing of the end."""
 
 
 class Lines:
@@ -85,11 +85,11 @@ class Progress:
         self._failed = 0
 
     def started(self, total: int, done: int) -> None:
-        """Show the bar."""
+        """Show the bar at its start."""
         self._bar.start(total, done)
 
     def advanced(self, *, failed: bool) -> None:
-        """Move the bar."""
+        """Move the bar by what is done."""
         self._failed += failed
         self._bar.update(advance=1, description=f"{self._failed} failed" if self._failed else "")
 
