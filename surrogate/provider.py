@@ -49,7 +49,10 @@ if TYPE_CHECKING:
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
 YOUNGS_MODULUS_SLACK = 0.03
-"""Largest relative distance from the plates' modulus [-]. Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %."""
+"""Largest relative distance from the plates' modulus [-].
+
+Between 206 and 210 GPa the coefficient moves by less than 0.1 %: half the pressure is worth 1.8 %.
+"""
 POISSON_RATIO_SLACK = 0.005
 """Largest distance from the plates' Poisson's ratio [-]."""
 LARGEST_FRICTION = math.nextafter(2.0, 0.0)
