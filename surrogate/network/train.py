@@ -25,7 +25,7 @@ from ..data.samples import Plates, Samples, content_hash
 from ..errors import TrainingError
 from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
 from .dataset import Faces, Pairs, pair_tensors, split_by_family
-from .descent import Curves, Watch, descend
+from .descent import Curves, Descent, Watch, descend
 from .model import FoundationEnsemble
 from .objectives import cnn_descent, ensemble_descent
 from .resume import TrainingState
@@ -71,8 +71,7 @@ def train_network(
 ) -> Trained:
     """Train a network on 70 % of the samples, by families of surfaces.
 
-    The same seed gives the same bits on the same machine with as many threads. The global generator of torch is left as
-    it was.
+    The same seed gives the same bits on one machine with as many threads. Torch's global generator is left as it was.
 
     Args:
         samples: friction tests of a database.
@@ -94,6 +93,7 @@ def train_network(
             `points` that do not suit the samples.
     """
     fit, validation = _split_pairs(samples, faces, points, plates, seed)
+    epochs = EPOCHS[architecture] if epochs is None else epochs
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
     options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1])
     if architecture == "energy":
@@ -106,16 +106,20 @@ def train_network(
         torch.manual_seed(seed)
         model = options.build_network().to(device)
         there = _on(device, fit), _on(device, validation)
-        descent = (
-            ensemble_descent(model, *there) if isinstance(model, FoundationEnsemble) else cnn_descent(model, *there)
-        )
-        limit = EPOCHS[architecture] if epochs is None else epochs
-        curves = descend(model, descent, limit, PATIENCE[architecture], saved, watch)
+        descent = _descent(model, *there)
+        curves = descend(model, descent, epochs, PATIENCE[architecture], saved, watch)
     calibrate_spread(model.requires_grad_(False).eval().to("cpu"), validation)
     scores = score_network(model, validation)
     saved.remove()
-    provenance = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
-    return Trained(model, provenance, curves, scores)
+    about = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
+    return Trained(model, about, curves, scores)
+
+
+def _descent(model: Model, fit: Pairs, validation: Pairs) -> Descent:
+    """The descent of an architecture."""
+    if isinstance(model, FoundationEnsemble):
+        return ensemble_descent(model, fit, validation)
+    return cnn_descent(model, fit, validation)
 
 
 def _split_pairs(samples: Samples, faces: Faces, points: int | None, plates: Plates, seed: int) -> tuple[Pairs, Pairs]:
