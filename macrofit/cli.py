@@ -266,8 +266,9 @@ def providers() -> None:
 def check(scene: str, overrides: tuple[str, ...]) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
     from .bodies.mesh import read_mesh
+    from .bodies.outlook import first_touch
     from .friction import registry
-    from .results.summary import first_touch, interference_line
+    from .results.summary import interference_line
     from .scene import load_scene
 
     resolved = load_scene(scene, overrides)

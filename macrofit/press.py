@@ -12,8 +12,8 @@ import numpy as np
 
 from .base.arrays import FloatArray, IntArray
 from .bodies.body import ContactLine
-from .contact.interface import Pairing, pair
-from .contact.law import Answer, Facing, Status, StatusArray
+from .contact.interface import MortarCoupling, couple_lines
+from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
@@ -33,7 +33,7 @@ class Engine(Protocol):
 
     factorisations: int
 
-    def problem(self, facing: Facing) -> LinearProblem:
+    def problem(self, contact: ContactProblem) -> LinearProblem:
         """The linear problems of one increment."""
         ...
 
@@ -52,8 +52,8 @@ class State:
     accumulated_slip: FloatArray  # (facets,) [mm]
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
-    kappa: FloatArray  # (facets, moments) see contact.py
-    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see contact.py [mm]
+    kappa: FloatArray  # (facets, moments) see `contact.law`
+    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
         """The state as named arrays, for a journal."""
@@ -114,11 +114,11 @@ class Press:
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
-            steps, cutbacks = self.reach(state, displacement)
+            steps, cutbacks = self.advance_to(state, displacement)
             state = steps[-1].state
             yield _record(index, steps, cutbacks, time.perf_counter() - started), state
 
-    def reach(self, state: State, displacement: float) -> tuple[list[Step], int]:
+    def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
 
         Raises ConvergenceError when a step would get shorter than 2^-max_cutbacks of the increment.
@@ -152,48 +152,48 @@ class Press:
 
         Ends of the lines that stand wide open are left out, unless the bodies turn out to move as far as that.
         """
-        pairing = pair(self.seat.line, self.bore, displacement, REACH)
-        if pairing is None:
+        coupling = couple_lines(self.seat.line, self.bore, displacement, REACH)
+        if coupling is None:
             return self._apart(state, displacement)
-        step = self._solve(state, displacement, pairing)
+        step = self._solve(state, displacement, coupling)
         height = 0 if self.seat.line.radial else 1
         bodies = (step.state.seat_displacement, step.state.bore_displacement)
-        if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < pairing.clearance:
+        if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance:
             return step
-        everything = pair(self.seat.line, self.bore, displacement)
+        everything = couple_lines(self.seat.line, self.bore, displacement)
         assert everything is not None
         return self._solve(state, displacement, everything)
 
-    def _solve(self, state: State, displacement: float, pairing: Pairing) -> Step:
+    def _solve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
         moved = displacement - state.displacement
-        covered = self.seat.cover(pairing.portions)
-        slip_old = (covered.seat_moments(state.seat_displacement) - pairing.bore_moments(state.bore_displacement))[1]
-        slip_old += state.held[pairing.portions.facet].ravel()
-        approach = np.stack([pairing.gap, moved * covered.normals[:, 0] + slip_old])
-        facing = Facing(covered, pairing, approach, self.seat.line.radial, self.seat.nitsche)
-        friction = self._facet_friction(pairing, state, displacement)[covered.facet]
-        guess = self._first_guess(state, facing, friction, moved)
-        problem = self.engine.problem(facing)
-        report = newton(problem, friction, guess, self._first_kappa(state, facing))
-        return self._step(state, displacement, facing, friction, report, problem.displacements(report.answer))
+        covered = self.seat.cover(coupling.portions)
+        slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
+        slip_old += state.held[coupling.portions.facet].ravel()
+        approach = np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old])
+        contact = ContactProblem(covered, coupling, approach, self.seat.line.radial, self.seat.nitsche)
+        friction = self._facet_friction(coupling, state, displacement)[covered.facet]
+        guess = self._first_guess(state, contact, friction, moved)
+        problem = self.engine.problem(contact)
+        report = newton(problem, friction, guess, self._first_kappa(state, contact))
+        return self._step(state, displacement, contact, friction, report, problem.displacements(report.answer))
 
-    def _first_guess(self, state: State, facing: Facing, friction: FloatArray, moved: float) -> Status:
+    def _first_guess(self, state: State, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
         """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
 
         A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
         """
-        facets = facing.pairing.portions.facet
+        facets = contact.coupling.portions.facet
         kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
-        line, points = self.seat.line, facing.pairing.portions.points
+        line, points = self.seat.line, contact.coupling.portions.points
         shift = moved if line.radial else 0.0
         there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
         inside = (there >= 0) & (there < line.facets)
         came = state.kind[np.clip(there, 0, line.facets - 1)].max(axis=2)
         fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
         if not state.pressure.any():
-            fresh |= facing.pairing.gap < 0.0
+            fresh |= contact.coupling.gap < 0.0
         kind = np.where(fresh, SLIP, kind)
-        sign = np.where(fresh, int(np.sign(moved * facing.covered.normals[0, 0])), sign)
+        sign = np.where(fresh, int(np.sign(moved * contact.covered.normals[0, 0])), sign)
         if moved * state.direction < 0.0:
             kind = np.where(kind == SLIP, STICK, kind)
         kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
@@ -201,24 +201,24 @@ class Press:
         sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
         return Status(kind.astype(np.int8), sign.astype(np.int8))
 
-    def _first_kappa(self, state: State, facing: Facing) -> FloatArray:
+    def _first_kappa(self, state: State, contact: ContactProblem) -> FloatArray:
         """kappa to start from: that of the seat's same point in the rear half, of the bore's in the front half.
 
         The deformed interface follows the seat's edge behind and the bore's edge in front.
         """
-        kappa = facing.kappa(state.bore_displacement)
-        facets = facing.pairing.portions.facet
+        kappa = contact.kappa(state.bore_displacement)
+        facets = contact.coupling.portions.facet
         rear = (state.kind[facets] != OPEN).ravel()
-        rear[facing.moments // 2 :] = False
+        rear[contact.moments // 2 :] = False
         kappa[rear] = state.kappa[facets].ravel()[rear]
         return kappa
 
-    def _facet_friction(self, pairing: Pairing, state: State, displacement: float) -> FloatArray:
+    def _facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
         s = self.seat.line.coordinate
         start, end = s[:-1].copy(), s[:-1].copy()
-        facets = pairing.portions.facet
-        start[facets], end[facets] = pairing.portions.start, pairing.portions.end
+        facets = coupling.portions.facet
+        start[facets], end[facets] = coupling.portions.start, coupling.portions.end
         overlaps = self.tiling.overlaps(start, end, displacement)
         return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
 
@@ -238,18 +238,18 @@ class Press:
         self,
         state: State,
         displacement: float,
-        facing: Facing,
+        contact: ContactProblem,
         friction: FloatArray,
         report: Report,
         displacements: tuple[FloatArray, FloatArray],
     ) -> Step:
         """What a trial leaves: the next state, resultants and energies."""
-        answer, weight = report.answer, facing.covered.weight
-        seat_load, bore_load = facing.loads(answer.total)
-        gap, along = facing.opening(*displacements)
-        slip = (answer.trial[1] - answer.traction[1]) / facing.covered.gamma
+        answer, weight = report.answer, contact.covered.weight
+        seat_load, bore_load = contact.loads(answer.total)
+        gap, along = contact.opening(*displacements)
+        slip = (answer.trial[1] - answer.traction[1]) / contact.covered.gamma
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
-        facets = self._facet_state(state, facing, answer, report.status, friction, gap, slip)
+        facets = self._facet_state(state, contact, answer, report.status, friction, gap, slip)
         moved = displacement - state.displacement
         after = State(
             displacement,
@@ -259,19 +259,19 @@ class Press:
             bore_load,
             facets.pressure,
             facets.accumulated_slip,
-            self._by_moment(facing, report.status.kind).astype(np.int64),
-            self._by_moment(facing, report.status.sign).astype(np.int64),
-            self._by_moment(facing, answer.kappa),
-            self._by_moment(facing, held),
+            self._by_moment(contact, report.status.kind).astype(np.int64),
+            self._by_moment(contact, report.status.sign).astype(np.int64),
+            self._by_moment(contact, answer.kappa),
+            self._by_moment(contact, held),
         )
         pressure = -answer.traction[0]
         return Step(
             after,
             report,
             facets,
-            facing.axial_force(answer.total),
+            contact.axial_force(answer.total),
             float(weight @ pressure),
-            float(weight @ (answer.traction[1] * facing.covered.normals[:, 0])),
+            float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
             float(weight @ (friction * pressure)),
             self._strain_energy(after),
             float(weight @ (answer.traction[1] * slip)),
@@ -285,23 +285,23 @@ class Press:
             energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
         return energy
 
-    def _by_moment(self, facing: Facing, values: FloatArray | StatusArray) -> FloatArray:
+    def _by_moment(self, contact: ContactProblem, values: FloatArray | StatusArray) -> FloatArray:
         every = np.zeros((self.seat.line.facets, self.seat.moments))
-        every[facing.pairing.portions.facet] = values.reshape(-1, self.seat.moments)
+        every[contact.coupling.portions.facet] = values.reshape(-1, self.seat.moments)
         return every
 
     def _facet_state(
         self,
         state: State,
-        facing: Facing,
-        answer: Answer,
+        contact: ContactProblem,
+        answer: LinearSolution,
         status: Status,
         friction: FloatArray,
         gap: FloatArray,
         slip: FloatArray,
     ) -> FacetState:
-        facets, m = facing.pairing.portions.facet, self.seat.moments
-        weight = facing.covered.weight.reshape(-1, m)
+        facets, m = contact.coupling.portions.facet, self.seat.moments
+        weight = contact.covered.weight.reshape(-1, m)
 
         def mean(values: FloatArray) -> FloatArray:
             every = np.zeros(self.seat.line.facets)
@@ -336,7 +336,7 @@ class Press:
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
         none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
-        report = Report(Answer(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
+        report = Report(LinearSolution(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
         facets = FacetState(zero, zero, zero, zero, state.accumulated_slip, zero.astype(np.int64), zero)
         return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

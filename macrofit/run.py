@@ -8,6 +8,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from .base.ranks import raise_together
+from .bodies.outlook import seat_ends
 from .errors import MacrofitError
 from .friction import GivenFriction, ScriptFriction
 from .monitor import Monitor, Several, Silent, on_screen
@@ -23,7 +24,7 @@ from .results.folder import (
     write_summary,
 )
 from .results.journal import Journal, is_journal
-from .results.summary import seat_ends, sentences, summary
+from .results.summary import sentences, summary
 from .scene import Scene, with_script_friction
 from .solution import Solution
 from .solve import solve

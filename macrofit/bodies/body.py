@@ -20,7 +20,7 @@ from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
 from .elasticity import weak_form
 from .fenics import Discretisation, Factor, discretise, schur_complement
-from .geometry import Generatrix, Sizes, draw, polyline
+from .geometry import Generatrix, Sizes, draw_body, polyline
 from .mesh import MeshData, mesh_drawing, read_mesh
 
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
@@ -95,7 +95,7 @@ class Body:
             data = read_mesh(str(getattr(keys, which)), which)
             generatrix = None
         else:
-            drawing = draw(spec, contact, Sizes.of(keys, contact))
+            drawing = draw_body(spec, contact, Sizes.of(keys, contact))
             facets = sum(edge.name == contact for edge in drawing.edges)
             self._fits(facets, 2 * (keys.order * facets + 1))
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix

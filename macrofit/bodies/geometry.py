@@ -167,12 +167,12 @@ def _assemble(pieces: list[tuple[float, ...]], end: float) -> Generatrix:
 
 
 @singledispatch
-def draw(body: object, contact: str, sizes: Sizes) -> Drawing:
+def draw_body(body: object, contact: str, sizes: Sizes) -> Drawing:
     """The outline and generatrix of a body; ``contact`` names its contact line, 'seat' or 'bore'."""
     raise TypeError(f"nothing to draw for {type(body).__name__}")
 
 
-@draw.register
+@draw_body.register
 def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
     seat, length, taper = axle.seat_radius, axle.seat_length, axle.taper_length
     mouth = seat - axle.taper_height
@@ -194,7 +194,7 @@ def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
     return Drawing((*contact_edges, *_closing((seat, length), corners)), generatrix, contact, sizes)
 
 
-@draw.register
+@draw_body.register
 def _(wheel: Hub, contact: str, sizes: Sizes) -> Drawing:
     bore, rear = wheel.bore_radius, -wheel.hub_length
     mouth = (0.0, bore + wheel.chamfer_height)
@@ -215,7 +215,7 @@ def _(wheel: Hub, contact: str, sizes: Sizes) -> Drawing:
     return Drawing((*contact_edges, *_closing((mouth[1], 0.0), [*corners, *closing])), generatrix, contact, sizes)
 
 
-@draw.register
+@draw_body.register
 def _(disc: Disc, contact: str, sizes: Sizes) -> Drawing:
     reach = disc.radius if disc.contact_radius is None else disc.contact_radius
     inside = 1.0 if contact == "seat" else -1.0  # the held disc lies above its contact face, the pushed one below

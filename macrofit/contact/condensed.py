@@ -19,7 +19,7 @@ import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import CondensedBody
-from .law import Answer, Facing, Status
+from .law import ContactProblem, LinearSolution, Status
 from .seat import Seat, SeatRows
 from .status import OPEN, SLIP, STICK
 
@@ -44,20 +44,20 @@ class Condensed:
                 block = influence[j * size : (j + 1) * size, i * size : (i + 1) * size]
                 self._influence[j, i, :size, :size] = block
 
-    def problem(self, facing: Facing) -> CondensedProblem:
+    def problem(self, contact: ContactProblem) -> CondensedProblem:
         """The linear problems of one increment; recomputes the influence of partly covered facets."""
-        if facing.covered.partial is not None:
-            self._insert(facing.covered.partial)
-        return CondensedProblem(self, facing)
+        if contact.covered.partial is not None:
+            self._insert(contact.covered.partial)
+        return CondensedProblem(self, contact)
 
-    def influence(self, facing: Facing, rows: int) -> list[FloatArray]:
+    def influence(self, contact: ContactProblem, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
-        index, band = facing.covered.index, facing.pairing.bore
+        index, band = contact.covered.index, contact.coupling.bore
         nodes = len(self.wheel.line.nodes)
         compliance = self.wheel.compliance.reshape(2, nodes, 2, nodes)[:, band.span, :, band.span]
-        n_r, n_z = facing.covered.normals.T
+        n_r, n_z = contact.covered.normals.T
         frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
-        spread = np.zeros((2, facing.moments, band.matrix.shape[1]))
+        spread = np.zeros((2, contact.moments, band.matrix.shape[1]))
         for here, scale in enumerate(frame[rows]):
             for there in (0, 1):
                 band.add_product(spread[there], scale, compliance[here, :, there])
@@ -67,17 +67,17 @@ class Condensed:
                 band.add_product(out, scale, spread[component].T)
         return both
 
-    def respond(self, facing: Facing, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def respond(self, contact: ContactProblem, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
-        index = facing.covered.index
+        index = contact.covered.index
         spread, response = np.zeros((2, 2, self._influence.shape[2]))
         spread[:, index] = forces
         whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
         covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
         for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1)):
             response[i, columns] += spread[j, rows] @ self._influence[j, i, rows, columns]
-        bore = -_product_within(self.wheel.compliance, facing.pairing.bore.span, facing.pairing.bore_loads(forces))
-        return response[:, index] - facing.pairing.bore_moments(bore), bore
+        bore = -_product_within(self.wheel.compliance, contact.coupling.bore.span, contact.coupling.bore_loads(forces))
+        return response[:, index] - contact.coupling.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -99,47 +99,47 @@ class Condensed:
 class CondensedProblem:
     """The linear problems of one increment, at given status and kappa."""
 
-    def __init__(self, engine: Condensed, facing: Facing) -> None:
-        self.engine, self.facing = engine, facing
+    def __init__(self, engine: Condensed, contact: ContactProblem) -> None:
+        self.engine, self.contact = engine, contact
         self._rows: dict[int, list[FloatArray]] = {}
         self._status: Status | None = None
         self._lu: tuple[FloatArray, FloatArray] | None = None
-        n = facing.moments
+        n = contact.moments
         self._traction, self._response, self._kappa = np.zeros((2, n)), np.zeros((2, n)), np.zeros(n)
 
-    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Solve for the traction; where only kappa changed, correct the last answer with the factors at hand."""
-        facing = self.facing
+        contact = self.contact
         active, sticking = np.flatnonzero(status.kind != OPEN), np.flatnonzero(status.kind == STICK)
         slipping = np.flatnonzero(status.kind == SLIP)
         if self._status is None or not self.engine.reuse or not self._status.same(status):
             self._status = status
-            self._traction, self._response = np.zeros((2, facing.moments)), np.zeros((2, facing.moments))
+            self._traction, self._response = np.zeros((2, contact.moments)), np.zeros((2, contact.moments))
             self._factor(status, kappa, friction, active, sticking)
         else:
             self._turn(kappa, stick=len(sticking) > 0)
-        residual = facing.residual(self._traction, self._response, kappa)
+        residual = contact.residual(self._traction, self._response, kappa)
         unknown = np.concatenate([residual[0, active], residual[1, sticking]])
         step = sla.lu_solve(self._lu, unknown, check_finite=False) if len(unknown) else unknown
         traction = self._traction.copy()
         traction[0, active] += step[: len(active)]
         traction[1, sticking] += step[len(active) :]
         traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
-        total = facing.total(traction, kappa)
-        self._response, bore = self.engine.respond(facing, facing.covered.weight * total)
+        total = contact.total(traction, kappa)
+        self._response, bore = self.engine.respond(contact, contact.covered.weight * total)
         self._traction, self._kappa = traction, kappa
-        trial = traction + facing.covered.gamma * facing.residual(traction, self._response, kappa)
-        return Answer(traction, trial, total, facing.kappa(bore))
+        trial = traction + contact.covered.gamma * contact.residual(traction, self._response, kappa)
+        return LinearSolution(traction, trial, total, contact.kappa(bore))
 
-    def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
+    def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
-        seat_load, bore_load = self.facing.loads(answer.total)
+        seat_load, bore_load = self.contact.loads(answer.total)
         return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
 
     def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
         """Follow a change of kappa in the rows of the response that the next residual needs."""
-        forces = self.facing.covered.weight * (
-            self.facing.total(self._traction, kappa) - self.facing.total(self._traction, self._kappa)
+        forces = self.contact.covered.weight * (
+            self.contact.total(self._traction, kappa) - self.contact.total(self._traction, self._kappa)
         )
         for i in (0, 1) if stick else (0,):
             rows = self._influence(i)
@@ -148,7 +148,7 @@ class CondensedProblem:
     def _influence(self, component: int) -> list[FloatArray]:
         """The influence on one component of the approaches, computed when first needed in this increment."""
         if component not in self._rows:
-            self._rows[component] = self.engine.influence(self.facing, component)
+            self._rows[component] = self.engine.influence(self.contact, component)
         return self._rows[component]
 
     def _factor(
@@ -166,7 +166,7 @@ class CondensedProblem:
 
         A slipping moment has lambda_t = -sign mu lambda_n, and Q = -kappa lambda_n e_z.
         """
-        covered = self.facing.covered
+        covered = self.contact.covered
         n_r, n_z = covered.normals.T
         normal = (covered.weight * (1.0 - kappa * n_z))[active, None]
         drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
@@ -180,7 +180,7 @@ class CondensedProblem:
                 transposed[:a, part] += drag * along[columns][:, rows]
                 if k:
                     transposed[a:, part] = covered.weight[sticking, None] * along[held][:, rows]
-        share = kappa if self.facing.nitsche else np.zeros_like(kappa)
+        share = kappa if self.contact.nitsche else np.zeros_like(kappa)
         own = (1.0 - share * n_z) / covered.gamma
         diagonal = np.arange(a + k)
         transposed[diagonal, diagonal] += np.concatenate([own[active], 1.0 / covered.gamma[sticking]])

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import ContactLine
-from .moments import GAUSS_X, Entries, Portions, entries, portions_of, quadrature, shape
+from .moments import GAUSS_X, CoveredFacets, Entries, covered_facets, entries, quadrature, shape
 
 _BLOCK = 16  # portions in a block of a Band
 
@@ -30,16 +30,18 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Pairing:
+class MortarCoupling:
     """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
 
-    portions: Portions
+    portions: CoveredFacets
     normals: FloatArray  # (p n, 2)
     nodes: int  # of the bore
     bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
     slope: FloatArray  # (p n, span of the band): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
-    lean: FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see contact.py
+    axial_share_undeformed: (
+        FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see `contact.law`
+    )
     clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
@@ -70,7 +72,7 @@ class Pairing:
         return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
 
 
-def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> Pairing | None:
+def couple_lines(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> MortarCoupling | None:
     """Face the bore, moved by ``travel`` [mm], with the seat; None where they do not overlap.
 
     With a finite ``reach`` the facets at either end are left out where the undeformed gap is nowhere smaller than
@@ -105,9 +107,9 @@ def pair(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.
     bore_facet = np.searchsorted(b, middle, side="right") - 1
     first, last = int(facet[0]), int(facet[-1])
     covered = np.arange(first, last + 1)
-    portions = portions_of(seat, covered, np.maximum(s[covered], low), np.minimum(s[covered + 1], high))
+    portions = covered_facets(seat, covered, np.maximum(s[covered], low), np.minimum(s[covered + 1], high))
     q, which, test = quadrature(seat, portions, facet - first, cuts[:-1], cuts[1:])
-    return _pairing(seat, bore, travel, clearance, portions, np.repeat(bore_facet, len(GAUSS_X)), q, which, test)
+    return _coupling(seat, bore, travel, clearance, portions, np.repeat(bore_facet, len(GAUSS_X)), q, which, test)
 
 
 def open_gap(seat: ContactLine, bore: ContactLine, travel: float, s: FloatArray) -> FloatArray:
@@ -119,17 +121,17 @@ def open_gap(seat: ContactLine, bore: ContactLine, travel: float, s: FloatArray)
     return np.asarray((height + travel) * np.sign(seat.normals[0, 1]))
 
 
-def _pairing(
+def _coupling(
     seat: ContactLine,
     bore: ContactLine,
     travel: float,
     clearance: float,
-    portions: Portions,
+    portions: CoveredFacets,
     bore_facet: IntArray,
     s: FloatArray,
     which: IntArray,
     test: FloatArray,
-) -> Pairing:
+) -> MortarCoupling:
     x = bore.coordinate
     extent = x[bore_facet + 1] - x[bore_facet]
     zeta = s - (travel if seat.radial else 0.0)
@@ -142,18 +144,18 @@ def _pairing(
     height = bore.generatrix.height(zeta) - seat.generatrix.height(s)
     if seat.radial:
         gap = height * normal[:, 0]
-        lean = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
+        axial_share_undeformed = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
     else:
-        gap, lean = (height + travel) * normal[:, 1], np.zeros_like(s)
+        gap, axial_share_undeformed = (height + travel) * normal[:, 1], np.zeros_like(s)
     size = (len(normals), span.stop - span.start)
-    return Pairing(
+    return MortarCoupling(
         portions,
         normals,
         len(bore.nodes),
         Band(_dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])),
         _dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
         _mean(test, gap, which, len(portions.facet)),
-        _mean(test, lean, which, len(portions.facet)),
+        _mean(test, axial_share_undeformed, which, len(portions.facet)),
         clearance,
     )
 

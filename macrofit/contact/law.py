@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.arrays import FloatArray
-from .interface import Pairing
+from .interface import MortarCoupling
 from .seat import CoveredSeat
 from .status import OPEN, SLIP, STICK
 
@@ -53,7 +53,7 @@ class Status:
 
 
 @dataclass(frozen=True)
-class Answer:
+class LinearSolution:
     """What a linear solve at given status and kappa returns; (2, n) normal and tangential."""
 
     traction: FloatArray  # lambda [MPa]
@@ -63,11 +63,11 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Facing:
+class ContactProblem:
     """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate."""
 
     covered: CoveredSeat
-    pairing: Pairing
+    coupling: MortarCoupling
     approach: FloatArray  # (2, n) g: gap and slip of the undeformed bodies [mm]
     radial: bool
     nitsche: bool
@@ -89,7 +89,7 @@ class Facing:
     def loads(self, total: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nodal forces [N] on the axle's loaded nodes and on the bore's nodes."""
         forces = self.covered.weight * total
-        return self.covered.loads(forces), -self.pairing.bore_loads(forces)
+        return self.covered.loads(forces), -self.coupling.bore_loads(forces)
 
     def axial_force(self, total: FloatArray) -> float:
         """Axial resultant on the axle [N]: the pushing force."""
@@ -99,12 +99,12 @@ class Facing:
     def kappa(self, bore: FloatArray) -> FloatArray:
         """kappa (n,) at a displacement (2 bore nodes,) of the bore [mm]."""
         if not self.radial:
-            return self.pairing.lean
-        return self.pairing.lean + self.pairing.bore_slope(bore)
+            return self.coupling.axial_share_undeformed
+        return self.coupling.axial_share_undeformed + self.coupling.bore_slope(bore)
 
     def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
         """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
-        return self.approach - self.covered.seat_moments(seat) + self.pairing.bore_moments(bore)
+        return self.approach - self.covered.seat_moments(seat) + self.coupling.bore_moments(bore)
 
 
 def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:
@@ -124,7 +124,7 @@ def classify(trial: FloatArray, friction: FloatArray, before: Status | None = No
     return Status(kind, sign)
 
 
-def law(trial: FloatArray, friction: FloatArray) -> FloatArray:
+def return_mapping(trial: FloatArray, friction: FloatArray) -> FloatArray:
     """The traction (2, n) of a trial traction (2, n): Coulomb's law by return mapping."""
     normal = np.minimum(trial[0], 0.0)
     bound = -friction * normal

@@ -32,7 +32,7 @@ Entries = tuple[FloatArray, IntArray, IntArray]
 
 
 @dataclass(frozen=True)
-class Portions:
+class CoveredFacets:
     """Covered portions of seat facets and the basis of their moments."""
 
     facet: IntArray  # (p,)
@@ -52,7 +52,7 @@ class Portions:
         return np.asarray(values / weight)
 
 
-def portions_of(line: ContactLine, facet: IntArray, start: FloatArray, end: FloatArray) -> Portions:
+def covered_facets(line: ContactLine, facet: IntArray, start: FloatArray, end: FloatArray) -> CoveredFacets:
     """The portions [start, end] of the facets, with their weighted centroid, variance and area."""
     s, r = line.coordinate, line.radius
     extent = s[facet + 1] - s[facet]
@@ -62,15 +62,15 @@ def portions_of(line: ContactLine, facet: IntArray, start: FloatArray, end: Floa
     density = 2.0 * math.pi * line.length[facet] / extent
     area = density * 2.0 * half * radius
     if line.order == 1:
-        return Portions(facet, start, end, density, middle[:, None], area[:, None])
+        return CoveredFacets(facet, start, end, density, middle[:, None], area[:, None])
     shift = slope * half**2 / (3.0 * radius)
     spread = np.sqrt(half**2 / 3.0 - shift**2)
     points = np.stack([middle + shift - spread, middle + shift + spread], axis=1)
-    return Portions(facet, start, end, density, points, np.stack([0.5 * area, 0.5 * area], axis=1))
+    return CoveredFacets(facet, start, end, density, points, np.stack([0.5 * area, 0.5 * area], axis=1))
 
 
 def quadrature(
-    line: ContactLine, portions: Portions, portion: IntArray, a: FloatArray, b: FloatArray
+    line: ContactLine, portions: CoveredFacets, portion: IntArray, a: FloatArray, b: FloatArray
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Gauss points s (q,) of the intervals [a, b], their portion (q,), and (q, n) weight * basis / W."""
     s = (0.5 * (a + b))[:, None] + 0.5 * (b - a)[:, None] * GAUSS_X

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import Body
 from ..bodies.fenics import Factor
-from .law import Answer, Facing, Status
+from .law import ContactProblem, LinearSolution, Status
 from .seat import Seat, SeatRows
 from .status import OPEN, SLIP, STICK
 
@@ -31,9 +31,9 @@ class Monolithic:
         self.trace, self.loaded = trace, self._to_free(axle, loaded)
         self.bore = self._to_free(wheel, wheel.trace_dofs)
 
-    def problem(self, facing: Facing) -> MonolithicProblem:
+    def problem(self, contact: ContactProblem) -> MonolithicProblem:
         """The linear problems of one increment."""
-        return MonolithicProblem(self, facing)
+        return MonolithicProblem(self, contact)
 
     @staticmethod
     def _to_free(body: Body, dofs: IntArray) -> sp.csr_matrix:
@@ -49,37 +49,37 @@ class MonolithicProblem:
     (K + L' W M gamma B) u = L' W M gamma g with L = [J - theta/gamma T, -N].
     """
 
-    def __init__(self, engine: Monolithic, facing: Facing) -> None:
-        self.engine, self.facing = engine, facing
-        jump = facing.pairing.bore_rows @ engine.bore
-        self.gap = sp.hstack([_rows(facing, "trial") @ engine.trace, -jump], format="csr")
-        self.test = sp.hstack([_rows(facing, "load") @ engine.loaded, -jump], format="csr")
+    def __init__(self, engine: Monolithic, contact: ContactProblem) -> None:
+        self.engine, self.contact = engine, contact
+        jump = contact.coupling.bore_rows @ engine.bore
+        self.gap = sp.hstack([_rows(contact, "trial") @ engine.trace, -jump], format="csr")
+        self.test = sp.hstack([_rows(contact, "load") @ engine.loaded, -jump], format="csr")
         self.displacement = np.zeros(engine.stiffness.shape[0])
 
-    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Assemble, factor, solve, and read the traction off the displacement."""
-        facing = self.facing
-        weight, gamma = np.tile(facing.covered.weight, 2), np.tile(facing.covered.gamma, 2)
+        contact = self.contact
+        weight, gamma = np.tile(contact.covered.weight, 2), np.tile(contact.covered.gamma, 2)
         spread = self.test.T @ sp.diags(weight) @ self._response(status, kappa, friction) @ sp.diags(gamma)
         matrix = self.engine.stiffness + spread @ self.gap
-        self.displacement = Factor(matrix.tocsr(), symmetric=False).solve(spread @ facing.approach.ravel())
+        self.displacement = Factor(matrix.tocsr(), symmetric=False).solve(spread @ contact.approach.ravel())
         self.engine.factorisations += 1
-        relative = (gamma * (facing.approach.ravel() - self.gap @ self.displacement)).reshape(2, -1)
+        relative = (gamma * (contact.approach.ravel() - self.gap @ self.displacement)).reshape(2, -1)
         traction = self._traction(status, kappa, friction, relative)
-        total = facing.total(traction, kappa)
-        trial = relative - (total - traction) if facing.nitsche else relative
-        return Answer(traction, trial, total, facing.kappa(self.displacements(None)[1]))
+        total = contact.total(traction, kappa)
+        trial = relative - (total - traction) if contact.nitsche else relative
+        return LinearSolution(traction, trial, total, contact.kappa(self.displacements(None)[1]))
 
-    def displacements(self, answer: Answer | None) -> tuple[FloatArray, FloatArray]:
+    def displacements(self, answer: LinearSolution | None) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last solve."""
         count = self.engine.trace.shape[1]
         return self.engine.loaded @ self.displacement[:count], self.engine.bore @ self.displacement[count:]
 
     def _response(self, status: Status, kappa: FloatArray, friction: FloatArray) -> sp.csr_matrix:
         """M (2 n, 2 n) with tau = M y."""
-        n = self.facing.moments
-        n_r, n_z = self.facing.covered.normals.T
-        share = kappa if self.facing.nitsche else np.zeros(n)
+        n = self.contact.moments
+        n_r, n_z = self.contact.covered.normals.T
+        share = kappa if self.contact.nitsche else np.zeros(n)
         sticks = (status.kind == STICK).astype(float)
         normal = (status.kind != OPEN) / (1.0 - share * n_z)
         across = -status.sign * friction * (status.kind == SLIP) - kappa * n_r + sticks * share * n_r
@@ -89,17 +89,17 @@ class MonolithicProblem:
         )
 
     def _traction(self, status: Status, kappa: FloatArray, friction: FloatArray, relative: FloatArray) -> FloatArray:
-        n_r, n_z = self.facing.covered.normals.T
-        share = kappa if self.facing.nitsche else np.zeros_like(kappa)
+        n_r, n_z = self.contact.covered.normals.T
+        share = kappa if self.contact.nitsche else np.zeros_like(kappa)
         normal = np.where(status.kind != OPEN, relative[0] / (1.0 - share * n_z), 0.0)
         held = relative[1] + share * n_r * normal
         slipping = np.where(status.kind == SLIP, -status.sign * friction * normal, 0.0)
         return np.stack([normal, np.where(status.kind == STICK, held, slipping)])
 
 
-def _rows(facing: Facing, operator: str) -> sp.csr_matrix:
+def _rows(contact: ContactProblem, operator: str) -> sp.csr_matrix:
     """(2 n, columns): the seat's rows of the covered moments."""
-    covered = facing.covered
+    covered = contact.covered
 
     def pick(rows: SeatRows, index: IntArray) -> sp.csr_matrix:
         size = len(rows.weight)

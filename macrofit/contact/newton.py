@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..base.arrays import FloatArray
-from .law import Answer, Status, classify, law
+from .law import LinearSolution, Status, classify, return_mapping
 
 TOLERANCE = 1e-10
 """Largest error of the traction that is left, relative to the largest traction."""
@@ -26,11 +26,11 @@ CONTRACTION = 1e-2
 class LinearProblem(Protocol):
     """The problem that is linear once status and kappa are given: condensed or monolithic."""
 
-    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Answer:
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Traction, trial traction and kappa after one linear solve."""
         ...
 
-    def displacements(self, answer: Answer) -> tuple[FloatArray, FloatArray]:
+    def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last answer."""
         ...
 
@@ -39,10 +39,10 @@ class LinearProblem(Protocol):
 class Report:
     """How Newton's method ended."""
 
-    answer: Answer
+    answer: LinearSolution
     status: Status
     iterations: int
-    residual: float  # largest |lambda - law(trial)| relative to the largest traction
+    residual: float  # largest |lambda - return_mapping(trial)| relative to the largest traction
     converged: bool
 
 
@@ -64,7 +64,7 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
         scale = float(np.abs(answer.traction).max(initial=0.0))
         change = np.inf if before is None else float(np.abs(answer.traction - before).max(initial=0.0))
         left = change * min(max(change / last, CONTRACTION), 1.0) if 0.0 < last < np.inf else change
-        error = float(np.abs(answer.traction - law(answer.trial, friction)).max(initial=0.0))
+        error = float(np.abs(answer.traction - return_mapping(answer.trial, friction)).max(initial=0.0))
         turned = np.abs(answer.kappa - kappa)
         settled = (
             asked.same(status)
@@ -90,7 +90,7 @@ def _one_change(status: Status, asked: Status, trial: FloatArray, friction: Floa
     changed = (asked.kind != status.kind) | (asked.sign != status.sign)
     if not changed.any():
         return asked
-    excess = np.where(changed, np.abs(trial - law(trial, friction)).max(axis=0), -1.0)
+    excess = np.where(changed, np.abs(trial - return_mapping(trial, friction)).max(axis=0), -1.0)
     kind, sign = status.kind.copy(), status.sign.copy()
     one = int(np.argmax(excess))
     kind[one], sign[one] = asked.kind[one], asked.sign[one]

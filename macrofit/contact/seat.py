@@ -12,7 +12,7 @@ from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import ContactLine
 from ..bodies.elasticity import traction_operator
 from ..scene.keys import ContactKeys
-from .moments import Portions, entries, portions_of, quadrature, scalar_rows, shape, vector_rows
+from .moments import CoveredFacets, covered_facets, entries, quadrature, scalar_rows, shape, vector_rows
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Seat:
         self.gamma = gamma_of(keys, line.material.youngs_modulus, line.length)
         self.loaded = line.trace_nodes if self.nitsche and keys.theta else len(line.nodes)
         s = line.coordinate
-        portions = portions_of(line, np.arange(line.facets), s[:-1], s[1:])
+        portions = covered_facets(line, np.arange(line.facets), s[:-1], s[1:])
         self.moments = portions.points.shape[1]  # per facet
         self.size = line.facets * self.moments
         self.full = self.rows(portions)
@@ -80,7 +80,7 @@ class Seat:
         scale = -self.theta * self.full.weight / np.repeat(self.gamma, self.moments)
         return (self.full.traction.T @ sp.diags(np.tile(scale, 2)) @ self.full.traction).tocsr()
 
-    def rows(self, portions: Portions) -> SeatRows:
+    def rows(self, portions: CoveredFacets) -> SeatRows:
         """The operators on ``portions``."""
         line, (count, n) = self.line, portions.weight.shape
         s, which, test = quadrature(line, portions, np.arange(count), portions.start, portions.end)
@@ -102,7 +102,7 @@ class Seat:
         jump, load = jump[:, loaded], load[:, loaded]
         return SeatRows(portions.weight.ravel(), jump, trial, load, load.T.tocsr(), traction)
 
-    def cover(self, portions: Portions) -> CoveredSeat:
+    def cover(self, portions: CoveredFacets) -> CoveredSeat:
         """The operators on the covered portions; only those of partly covered facets are computed."""
         s, m, facets = self.line.coordinate, self.moments, portions.facet
         whole = (portions.start == s[facets]) & (portions.end == s[facets + 1])
@@ -112,7 +112,7 @@ class Seat:
         index = (base[:, None] + np.arange(m)).ravel()
         partial = None
         if len(part):
-            partial = self.rows(portions_of(self.line, facets[part], portions.start[part], portions.end[part]))
+            partial = self.rows(covered_facets(self.line, facets[part], portions.start[part], portions.end[part]))
         facet = np.repeat(facets, m)
         return CoveredSeat(
             self.full,
@@ -135,7 +135,7 @@ def gamma_of(keys: ContactKeys, youngs_modulus: float, length: FloatArray) -> Fl
 
 
 def _traction_rows(
-    line: ContactLine, portions: Portions, which: IntArray, test: FloatArray, facet: IntArray, t: FloatArray
+    line: ContactLine, portions: CoveredFacets, which: IntArray, test: FloatArray, facet: IntArray, t: FloatArray
 ) -> sp.csr_matrix:
     vertices = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     start, end = vertices[line.ends[facet, 0]], vertices[line.ends[facet, 1]]

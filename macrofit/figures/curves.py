@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 from ..results.folder import read_curve
-from ..results.summary import verdict
+from ..results.verdict import verdict
 from .friction import friction
 from .stress import stress
 

@@ -12,7 +12,7 @@ from ..base.figure import BLUE, VERMILION, save, sheet
 from ..base.files import write_json, write_text
 from ..base.ranks import raise_together
 from ..results.folder import prepare
-from ..results.summary import versions
+from ..results.versions import versions
 from .fit import Identification, identify
 from .measured import read_measured
 

@@ -15,7 +15,7 @@ from ..base.files import write_json, write_text, writing
 from ..base.progress import duration, say
 from ..errors import OutputError
 from ..results.folder import JOURNAL, prepare
-from ..results.summary import versions
+from ..results.versions import versions
 from ..solution import Extreme
 from .fields import FIELDS
 from .plan import Plan, PlannedRun

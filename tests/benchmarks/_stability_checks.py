@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
-from macrofit.contact.law import law
+from macrofit.contact.law import return_mapping
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.friction import FrictionField
 from macrofit.press import Step
@@ -100,18 +100,18 @@ def _of_step(run: Run, view: View, asked_afresh: FrictionField) -> Iterator[tupl
 
 def _of_moments(moments: Moments, step: Step, solved: float) -> Iterator[tuple[str, float]]:
     """The law; ``solved`` [mm] is how well the displacements are known."""
-    facing, traction, kind = moments.facing, moments.traction, moments.kind
-    gamma = facing.covered.gamma
-    total = facing.total(traction, facing.kappa(step.state.bore_displacement))
-    seat_load, bore_load = facing.loads(total)
+    contact, traction, kind = moments.contact, moments.traction, moments.kind
+    gamma = contact.covered.gamma
+    total = contact.total(traction, contact.kappa(step.state.bore_displacement))
+    seat_load, bore_load = contact.loads(total)
     yield "loads", max(relative(step.state.seat_load, seat_load), relative(step.state.bore_load, bore_load))
     trial = moments.share + gamma * moments.opening
     friction = step.facets.friction[moments.facet]
     largest = float(np.abs(traction).max())
     moved = max(np.abs(u).max(initial=0.0) for u in (step.state.seat_displacement, step.state.bore_displacement))
-    rounding = gamma * (4.0 * solved + 1e-9 * moved + 1e-13 * np.abs(facing.approach).max())
+    rounding = gamma * (4.0 * solved + 1e-9 * moved + 1e-13 * np.abs(contact.approach).max())
     allowed = largest + float(rounding.max()) / BOUNDS["law"]
-    yield "law", over(traction - law(trial, friction), allowed)
+    yield "law", over(traction - return_mapping(trial, friction), allowed)
     pressure, shear, small = -traction[0], np.abs(traction[1]), BOUNDS["cone"] * largest
     yield "cone", over(max(float(-pressure.min()), float((shear - friction * pressure).max()), 0.0), largest)
     held = np.where(kind == OPEN, (pressure == 0.0) & (shear == 0.0), pressure >= -small)
@@ -122,7 +122,7 @@ def _of_moments(moments: Moments, step: Step, solved: float) -> Iterator[tuple[s
 
 def _friction(run: Run, taken: Taken, moments: Moments, asked_afresh: FrictionField) -> float:
     """Largest difference of the coefficients in contact from those of a field asked with the state before."""
-    portions = moments.facing.pairing.portions
+    portions = moments.contact.coupling.portions
     near = np.isin(portions.facet, moments.facet[moments.used])
     s = run.assembly.seat.line.coordinate
     start, end = s[:-1].copy(), s[:-1].copy()
@@ -136,9 +136,9 @@ def _friction(run: Run, taken: Taken, moments: Moments, asked_afresh: FrictionFi
 def _facets(taken: Taken, moments: Moments) -> float:
     """Largest difference of the recorded facets from their moments, over the largest traction or displacement."""
     step, facets, size = taken.step, taken.step.facets, len(taken.step.facets.pressure)
-    weight = moments.facing.covered.weight
-    gap, along = moments.facing.opening(step.state.seat_displacement, step.state.bore_displacement)
-    after = step.state.held[moments.facing.pairing.portions.facet].ravel()
+    weight = moments.contact.covered.weight
+    gap, along = moments.contact.opening(step.state.seat_displacement, step.state.bore_displacement)
+    after = step.state.held[moments.contact.coupling.portions.facet].ravel()
 
     def mean(values: FloatArray) -> FloatArray:
         area = np.bincount(moments.facet, weight, size)
@@ -148,7 +148,7 @@ def _facets(taken: Taken, moments: Moments) -> float:
     slip, used = mean(slid), np.zeros(size, dtype=bool)
     used[moments.facet[moments.used]] = True
     stress = float(np.abs(moments.traction).max())
-    length = float(np.abs(moments.facing.approach).max())
+    length = float(np.abs(moments.contact.approach).max())
     status = np.zeros(size, dtype=np.int64)
     np.maximum.at(status, moments.facet, moments.kind)
     return max(

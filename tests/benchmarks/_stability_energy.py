@@ -41,12 +41,12 @@ def _law_energy(run: Run, before: Moments, after: Moments) -> tuple[float, float
     contact. theta adds the work of the loads -theta/gamma T' W tau; that of its stiffness is in `_stabilised`.
     """
     facets, theta = run.assembly.seat.line.facets, run.assembly.seat.theta if run.assembly.seat.nitsche else 0.0
-    covered = after.facing.covered
+    covered = after.contact.covered
     weight, gamma = (after.on_seat(np.stack([x, x]), facets) for x in (covered.weight, covered.gamma))
     gamma[gamma == 0.0] = 1.0
     (t0, t1), (s0, s1), (b0, b1), (q0, q1) = (
         [view.on_seat(getattr(view, name), facets) for view in (before, after)]
-        for name in ("traction", "share", "bulk", "lean")
+        for name in ("traction", "share", "bulk", "axial_share")
     )
     carries = (t0 != 0.0) & (t1 != 0.0)
     grown = np.where(carries, 0.5 * (t0 + t1) * (t1 - s1 - t0 + s0), 0.0)
@@ -56,7 +56,7 @@ def _law_energy(run: Run, before: Moments, after: Moments) -> tuple[float, float
         carries, 0.0, after.on_seat(np.abs(after.opening), facets) + before.on_seat(np.abs(before.opening), facets)
     )
     open_ = weight * 0.5 * np.abs(t1 - t0) * np.maximum(slid, met)
-    covered_more = np.abs(weight - before.on_seat(np.stack([before.facing.covered.weight] * 2), facets))
+    covered_more = np.abs(weight - before.on_seat(np.stack([before.contact.covered.weight] * 2), facets))
     open_ += covered_more / gamma * np.maximum(np.abs(t0 * (t0 - s0)), np.abs(t1 * (t1 - s1)))
     return float((weight / gamma * grown).sum()), float(open_.sum())
 
@@ -68,7 +68,7 @@ def _work_on_strain(moments: Moments) -> float:
     the bore are strained along it. Q, which the slope makes of the pressure, loads the bodies and so works on both;
     the force knows of the travel alone. Of steel that is next to nothing; a soft axle that sticks follows the travel.
     """
-    return float((moments.facing.covered.weight * moments.lean * moments.strained).sum())
+    return float((moments.contact.covered.weight * moments.axial_share * moments.strained).sum())
 
 
 def _stabilised(run: Run, view: View) -> float:

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from macrofit.assembly import Assembly
 from macrofit.base.arrays import FloatArray, IntArray
-from macrofit.contact.interface import pair
-from macrofit.contact.law import Facing
+from macrofit.contact.interface import couple_lines
+from macrofit.contact.law import ContactProblem
 from macrofit.contact.seat import CoveredSeat
 from macrofit.contact.status import OPEN
 from macrofit.errors import MacrofitError
@@ -102,11 +102,11 @@ def relative(one: FloatArray | float, other: FloatArray | float) -> float:
 class Moments:
     """A step's moments on all facets that face each other, n of them; zero where the solver left them out."""
 
-    facing: Facing
+    contact: ContactProblem
     facet: IntArray  # (n,)
     used: BoolArray  # (n,) the solver looked for contact here
     traction: FloatArray  # (2, n) lambda
-    lean: FloatArray  # (2, n) Q, the axial share of the pressure
+    axial_share: FloatArray  # (2, n) Q, the axial share of the pressure
     kind: IntArray  # (n,)
     opening: FloatArray  # (2, n) of the bulk's displacements [mm]
     bulk: FloatArray  # (2, n) T u of the bulk's displacements; zero for penalty
@@ -115,7 +115,7 @@ class Moments:
     @property
     def share(self) -> FloatArray:
         """What the law leaves to the bulk, T u - Q (2, n); zero for penalty."""
-        return self.bulk - self.lean if self.facing.nitsche else self.bulk
+        return self.bulk - self.axial_share if self.contact.nitsche else self.bulk
 
     def on_seat(self, values: FloatArray, facets: int) -> FloatArray:
         """Values (2, n) on all moments of the seat (2, facets * moments), zero where nothing faces them."""
@@ -146,22 +146,22 @@ def views_of(run: Run, steps: Sequence[Taken]) -> Iterator[View]:
 
 def _moments(run: Run, taken: Taken, bulk: dict[str, FloatArray]) -> Moments | None:
     before, state, seat, bore = taken.before, taken.step.state, run.assembly.seat, run.assembly.wheel.line
-    whole = pair(seat.line, bore, state.displacement)
+    whole = couple_lines(seat.line, bore, state.displacement)
     if whole is None:
         return None
     covered = seat.cover(whole.portions)
     moved = state.displacement - before.displacement
     old = covered.seat_moments(before.seat_displacement) - whole.bore_moments(before.bore_displacement)
     slip = moved * covered.normals[:, 0] + old[1] + before.held[whole.portions.facet].ravel()
-    facing = Facing(covered, whole, np.stack([whole.gap, slip]), seat.line.radial, seat.nitsche)
+    contact = ContactProblem(covered, whole, np.stack([whole.gap, slip]), seat.line.radial, seat.nitsche)
     traction, kind, used = _spread(run, taken.step, covered)
     trace = {name: bulk[name][body.trace_dofs] for name, body in run.assembly.bodies.items()}
     own = trace["axle"].reshape(2, -1)[:, : seat.loaded].ravel()
-    lean = facing.total(traction, facing.kappa(trace["wheel"])) - traction
+    axial_share = contact.total(traction, contact.kappa(trace["wheel"])) - traction
     stress = _bulk_traction(covered, trace["axle"]) if seat.nitsche else np.zeros_like(traction)
-    opening = facing.opening(own, trace["wheel"])
+    opening = contact.opening(own, trace["wheel"])
     strained = covered.seat_moments(own) - whole.bore_moments(trace["wheel"]) - old
-    return Moments(facing, covered.facet, used, traction, lean, kind, opening, stress, strained)
+    return Moments(contact, covered.facet, used, traction, axial_share, kind, opening, stress, strained)
 
 
 def _spread(run: Run, step: Step, covered: CoveredSeat) -> tuple[FloatArray, IntArray, BoolArray]:
@@ -171,7 +171,7 @@ def _spread(run: Run, step: Step, covered: CoveredSeat) -> tuple[FloatArray, Int
     if answer.traction.shape[1] == len(used):
         used[:] = True
     elif answer.traction.shape[1]:
-        near = pair(line, run.assembly.wheel.line, step.state.displacement, REACH)
+        near = couple_lines(line, run.assembly.wheel.line, step.state.displacement, REACH)
         assert near is not None
         used = np.isin(covered.facet, near.portions.facet)
     traction, kind = np.zeros((2, len(used))), np.full(len(used), OPEN)

@@ -54,7 +54,7 @@ def stages(scene: Scene) -> list[Cost]:
 
     def moments(arguments: Any, _: Any) -> tuple[float, float]:
         facing = arguments[1]
-        span = facing.pairing.bore.span
+        span = facing.coupling.bore.span
         return float(facing.moments), float(span.stop - span.start)
 
     watched = {

@@ -15,7 +15,7 @@ from found import Found
 
 from macrofit.base.arrays import FloatArray, IntArray
 from macrofit.bodies.body import Body
-from macrofit.contact.interface import pair
+from macrofit.contact.interface import couple_lines
 from macrofit.contact.seat import Seat
 from macrofit.scene import Disc, Scene, load_scene
 from macrofit.scene.material import Material
@@ -155,7 +155,7 @@ def test_cone_in_a_homogeneous_stress(
     axle, wheel = Body(scene, "axle"), Body(load_scene("wheelset", (*BORE_CONE, *numerics)), "wheel")
     seat = Seat(axle.line, scene.contact)
     axle.stabilisation = seat.stabilisation
-    pairing = pair(seat.line, wheel.line, 0.0)
+    pairing = couple_lines(seat.line, wheel.line, 0.0)
     assert pairing is not None
     covered = seat.cover(pairing.portions)
 

@@ -58,7 +58,7 @@ def test_a_failed_trial_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None
     state = press.rest()
     for displacement in press.scene.displacements:
         press.trial(state, displacement + 17.3)
-        steps, _ = press.reach(state, displacement)
+        steps, _ = press.advance_to(state, displacement)
         state = steps[-1].state
         disturbed.append(steps[-1].force)
     assert disturbed == plain
@@ -69,7 +69,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, longest: float) -> None:
 
     def stubborn(problem, friction, status, kappa, limit=0) -> Report:  # type: ignore[no-untyped-def]
         report = newton(problem, friction, status, kappa, limit)
-        slip = problem.facing.approach[1]
+        slip = problem.contact.approach[1]
         return replace(report, converged=report.converged and float(np.abs(slip).max()) < longest + 0.2)
 
     monkeypatch.setattr(press_module, "newton", stubborn)

@@ -11,8 +11,8 @@ from small import small_press
 from macrofit.assembly import condense_bodies, discretise_bodies
 from macrofit.base.arrays import FloatArray
 from macrofit.contact.condensed import Condensed
-from macrofit.contact.interface import pair
-from macrofit.contact.law import Facing, Status, classify, law
+from macrofit.contact.interface import couple_lines
+from macrofit.contact.law import ContactProblem, Status, classify, return_mapping
 from macrofit.contact.monolithic import Monolithic, MonolithicProblem
 from macrofit.contact.seat import Seat
 from macrofit.contact.status import OPEN, SLIP, STICK
@@ -20,19 +20,19 @@ from macrofit.contact.status import OPEN, SLIP, STICK
 MU = 0.11
 
 
-def facing_and_engines(theta: int) -> tuple[Facing, Monolithic, Condensed]:
+def facing_and_engines(theta: int) -> tuple[ContactProblem, Monolithic, Condensed]:
     scene = small_press(f"contact.theta={theta}", 'solver="monolithic"')
     bodies = discretise_bodies(scene, MPI.COMM_SELF)
     seat, axle, wheel = condense_bodies(scene, MPI.COMM_SELF, bodies)
-    pairing = pair(seat.line, wheel.line, 43.3)
+    pairing = couple_lines(seat.line, wheel.line, 43.3)
     assert pairing is not None
     covered = Seat(seat.line, scene.contact).cover(pairing.portions)
     approach = np.stack([pairing.gap, np.full(len(covered.weight), 0.02)])
-    facing = Facing(covered, pairing, approach, True, True)
+    facing = ContactProblem(covered, pairing, approach, True, True)
     return facing, Monolithic(seat, bodies["axle"], bodies["wheel"]), Condensed(seat, axle, wheel)
 
 
-def law_of(facing: Facing, relative: FloatArray, kappa: FloatArray) -> FloatArray:
+def law_of(facing: ContactProblem, relative: FloatArray, kappa: FloatArray) -> FloatArray:
     """lambda for y = gamma (g - B u) with the share of kappa in the trial solved for."""
     n_r, n_z = facing.covered.normals.T
     normal = np.minimum(relative[0] / (1.0 - kappa * n_z), 0.0)
@@ -42,7 +42,7 @@ def law_of(facing: Facing, relative: FloatArray, kappa: FloatArray) -> FloatArra
 
 def unbalance(problem: MonolithicProblem, u: FloatArray, kappa: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residual K u - L' W tau(u) and the trial traction."""
-    facing = problem.facing
+    facing = problem.contact
     gamma, weight = np.tile(facing.covered.gamma, 2), np.tile(facing.covered.weight, 2)
     relative = (gamma * (facing.approach.ravel() - problem.gap @ u)).reshape(2, -1)
     total = facing.total(law_of(facing, relative, kappa), kappa)
@@ -52,7 +52,7 @@ def unbalance(problem: MonolithicProblem, u: FloatArray, kappa: FloatArray) -> t
 
 def state(kind: str, problem: MonolithicProblem, rng: np.random.Generator) -> FloatArray:
     """A displacement whose moments are open, sticking, slipping, or all three."""
-    facing, n = problem.facing, problem.facing.moments
+    facing, n = problem.contact, problem.contact.moments
     friction = np.full(n, MU)
     wanted = {"open": OPEN, "stick": STICK, "slip": SLIP}
     kinds = np.full(n, wanted[kind]) if kind in wanted else np.arange(n) % 3
@@ -126,10 +126,10 @@ def test_law_keeps_its_bound() -> None:
     rng = np.random.default_rng(3)
     trial = rng.standard_normal((2, 10_000)) * np.array([[100.0], [50.0]])
     friction = rng.uniform(0.0, 0.9, 10_000)
-    traction = law(trial, friction)
+    traction = return_mapping(trial, friction)
     assert (traction[0] <= 0.0).all()
     assert (np.abs(traction[1]) <= -friction * traction[0] * (1.0 + 1e-15)).all()
     assert (traction[1] * (trial[1] - traction[1]) >= 0.0).all()
     nudge = rng.standard_normal(trial.shape) * 1e-6
-    moved = np.abs(law(trial + nudge, friction) - traction).sum(axis=0)
+    moved = np.abs(return_mapping(trial + nudge, friction) - traction).sum(axis=0)
     assert (moved <= 2.0 * np.abs(nudge).sum(axis=0)).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from macrofit.contact.law import Answer, Status, classify
+from macrofit.contact.law import LinearSolution, Status, classify
 from macrofit.contact.newton import SHARE, newton
 from macrofit.contact.status import OPEN, SLIP, STICK
 
@@ -31,11 +31,11 @@ class Planted:
     def __init__(self, off: float, factor: float) -> None:
         self.off, self.factor, self.turned = off, factor, 1e-3
 
-    def solve(self, status: Status, kappa: np.ndarray, friction: np.ndarray) -> Answer:
+    def solve(self, status: Status, kappa: np.ndarray, friction: np.ndarray) -> LinearSolution:
         traction = np.array([[-10.0], [1.0]])
         trial = traction + np.array([[-self.off], [5.0]])
         self.turned *= self.factor
-        return Answer(traction, trial, traction, kappa + self.turned)
+        return LinearSolution(traction, trial, traction, kappa + self.turned)
 
 
 def slipping(problem: Planted) -> tuple[bool, float]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small import condensed_press, small_press
 
-from macrofit.contact.interface import open_gap, pair
-from macrofit.contact.moments import portions_of, quadrature
+from macrofit.contact.interface import couple_lines, open_gap
+from macrofit.contact.moments import covered_facets, quadrature
 from macrofit.press import REACH, Press
 
 
@@ -15,7 +15,7 @@ from macrofit.press import REACH, Press
 def test_basis_is_orthogonal_in_the_ring_measure(order: int) -> None:
     """int phi_i phi_j 2 pi r ds = W_i delta_ij on whole and partly covered facets, sloping ones included."""
     press, _ = condensed_press(small_press(f"mesh.order={order}"))
-    pairing = pair(press.seat.line, press.bore, 43.3)
+    pairing = couple_lines(press.seat.line, press.bore, 43.3)
     assert pairing is not None
     portions = pairing.portions
     index = np.arange(len(portions.facet))
@@ -32,7 +32,7 @@ def test_weights_add_up_to_the_area() -> None:
     press, _ = condensed_press(small_press())
     line = press.seat.line
     s = line.coordinate
-    portions = portions_of(line, np.arange(line.facets), s[:-1], s[1:])
+    portions = covered_facets(line, np.arange(line.facets), s[:-1], s[1:])
     frustum = np.pi * (line.radius[1:] + line.radius[:-1]) * line.length
     assert portions.weight.sum(axis=1) == pytest.approx(frustum, rel=1e-14)
 
@@ -41,7 +41,7 @@ def test_weights_add_up_to_the_area() -> None:
 def test_linear_fields_face_each_other(travel: float) -> None:
     """A displacement linear in z has the same moments from either line, whatever the cut of the facets."""
     press, _ = condensed_press(small_press())
-    pairing = pair(press.seat.line, press.bore, travel)
+    pairing = couple_lines(press.seat.line, press.bore, travel)
     assert pairing is not None
     covered = press.seat.cover(pairing.portions)
 
@@ -56,15 +56,15 @@ def test_linear_fields_face_each_other(travel: float) -> None:
 
 def test_no_overlap() -> None:
     press, _ = condensed_press(small_press())
-    assert pair(press.seat.line, press.bore, -10.0) is None
-    assert pair(press.seat.line, press.bore, 1000.0) is None
-    assert pair(press.seat.line, press.bore, -9.999) is not None
+    assert couple_lines(press.seat.line, press.bore, -10.0) is None
+    assert couple_lines(press.seat.line, press.bore, 1000.0) is None
+    assert couple_lines(press.seat.line, press.bore, -9.999) is not None
 
 
 def beyond_reach(press: Press, travel: float) -> tuple[int, int]:
     """Number of near nodes of either line (gap below REACH depths), and of those with a facet that was left out."""
     seat, bore = press.seat.line, press.bore
-    whole, near = pair(seat, bore, travel), pair(seat, bore, travel, REACH)
+    whole, near = couple_lines(seat, bore, travel), couple_lines(seat, bore, travel, REACH)
     assert whole is not None
     assert near is not None
     low, high = whole.portions.start[0], whole.portions.end[-1]

@@ -11,7 +11,7 @@ from small import small_press
 
 from macrofit.base.arrays import FloatArray
 from macrofit.bodies.body import Body
-from macrofit.bodies.geometry import Sizes, draw
+from macrofit.bodies.geometry import Sizes, draw_body
 from macrofit.bodies.mesh import MeshData, mesh_drawing, read_mesh
 from macrofit.errors import MeshError, SceneError
 from macrofit.scene import build_scene, load_scene
@@ -40,7 +40,7 @@ def test_facets_are_graded_towards_the_corners() -> None:
     """Every facet has the wanted length min(facet, corner + growth distance) within 8 %."""
     sizes = Sizes(4.0, 0.5, 0.3)
     for body, contact in ((load_scene("wheelset").axle, "seat"), (load_scene("wheelset").wheel, "bore")):
-        line = draw(body, contact, sizes).generatrix
+        line = draw_body(body, contact, sizes).generatrix
         s = line.nodes(sizes)
         length, middle = np.diff(s), 0.5 * (s[1:] + s[:-1])
         arc = line.bends(middle)
@@ -76,7 +76,7 @@ def test_elements_follow_the_graded_facets() -> None:
     """At the corner's facets triangles are as small as they, far along the line as the others; fewer than all fine."""
     scene = load_scene("wheelset")
     graded, fine = (
-        mesh_drawing(draw(scene.axle, "seat", sizes), 20.0, 0.35) for sizes in (Sizes(4.0, 0.5, 0.35), even(0.5))
+        mesh_drawing(draw_body(scene.axle, "seat", sizes), 20.0, 0.35) for sizes in (Sizes(4.0, 0.5, 0.35), even(0.5))
     )
     assert len(graded.triangles) < 0.4 * len(fine.triangles)
     centre = graded.points[graded.triangles].mean(axis=1)
@@ -91,7 +91,7 @@ def test_elements_follow_the_graded_facets() -> None:
 def test_drawn_mesh_fills_the_outline() -> None:
     """The shoelace area of the outline equals that of the triangles."""
     scene = load_scene("wheelset")
-    drawing = draw(scene.wheel, "bore", even(2.0))
+    drawing = draw_body(scene.wheel, "bore", even(2.0))
     points = np.array([edge.start for edge in drawing.edges])
     ends = np.array([edge.end for edge in drawing.edges])
     assert np.allclose(points[1:], ends[:-1])
@@ -103,7 +103,7 @@ def test_drawn_mesh_fills_the_outline() -> None:
 def test_blends_are_tangent() -> None:
     """Height and slope of the contact generatrix are continuous at the ends of its arcs; nodes lie on it."""
     for body, contact in ((load_scene("wheelset").axle, "seat"), (load_scene("wheelset").wheel, "bore")):
-        line = draw(body, contact, even(1.0)).generatrix
+        line = draw_body(body, contact, even(1.0)).generatrix
         for s in line.breaks[1:-1]:
             sides = np.array([s - 1e-9, s + 1e-9])
             assert np.ptp(line.height(sides)) < 1e-9
@@ -133,7 +133,7 @@ def test_own_meshes_give_the_drawn_forces(tmp_path: Path) -> None:
     (With blends it holds chords, and only a drawing has the arcs.)
     """
     scene = small_press("axle.taper_blend=0", "wheel.chamfer_blend=0")
-    drawings = draw(scene.axle, "seat", even(5.0)), draw(scene.wheel, "bore", even(4.7))
+    drawings = draw_body(scene.axle, "seat", even(5.0)), draw_body(scene.wheel, "bore", even(4.7))
     for body, drawing in zip(("axle", "wheel"), drawings, strict=True):
         write(tmp_path / f"{body}.vtk", mesh_drawing(drawing, scene.mesh.coarse, scene.mesh.growth), ".vtk")
     assert from_files(tmp_path, ".vtk") == pytest.approx(solve(scene).force, rel=1e-9)

@@ -16,12 +16,14 @@ import pytest
 from fakes import SEAT_RADIUS, fake_field, fake_increment, fake_scene, fake_solution
 
 from macrofit.base.files import replacing
+from macrofit.bodies import outlook
 from macrofit.errors import OutputError
 from macrofit.figures import curves as plots
 from macrofit.figures.stress import _outline, _split
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
 from macrofit.results import summary as report
+from macrofit.results.verdict import verdict as press_fit_verdict
 from macrofit.scene import build_scene, load_scene
 from macrofit.solution import PairFrictionMap, Tiling
 
@@ -165,7 +167,7 @@ def test_an_unknown_seat_is_left_open(tmp_path, seat):
 
 
 def test_the_seat_of_a_drawn_axle_is_known_beforehand():
-    seat = report.seat_ends(fake_scene())
+    seat = outlook.seat_ends(fake_scene())
     np.testing.assert_allclose(seat, np.arange(-5.0, 20.5), atol=1e-12)
 
 
@@ -233,7 +235,7 @@ def test_the_summary_has_its_numbers_and_is_plain_json(tmp_path):
 def test_the_windows_of_the_standards(final, european, russian):
     """EN 13260: 0.85 to 1.45 times 4e-3 d MN; GOST 11018: 392 to 588 kN per 100 mm, 0.98 to 1.47 of it."""
     nominal = 4e-3 * 2.0 * SEAT_RADIUS * 1e6
-    judged, _ = report.verdict(fake_solution(force=np.linspace(0.0, final * nominal, 10)))
+    judged, _ = press_fit_verdict(fake_solution(force=np.linspace(0.0, final * nominal, 10)))
     assert judged.final_force == pytest.approx(final * nominal)
     assert judged.en_13260.inside is european
     assert judged.gost_11018.inside is russian
@@ -242,20 +244,20 @@ def test_the_windows_of_the_standards(final, european, russian):
 
 def test_oscillation_is_the_largest_drop_below_what_was_reached():
     force = np.array([0.0, 30.0, 40.0, 38.0, 60.0, 80.0, 79.0, 90.0, 100.0, 99.0])
-    judged, _ = report.verdict(fake_solution(force=force))
+    judged, _ = press_fit_verdict(fake_solution(force=force))
     assert judged.oscillation == pytest.approx(0.02)
     assert judged.smooth
     force[6] = 76.0
-    judged, _ = report.verdict(fake_solution(force=force))
+    judged, _ = press_fit_verdict(fake_solution(force=force))
     assert judged.oscillation == pytest.approx(0.04)
     assert not judged.smooth
 
 
 def test_the_curve_bulges_or_sags():
     s = np.linspace(0.0, 1.0, 10)
-    bulging, _ = report.verdict(fake_solution(force=1e5 * np.sqrt(s)))
-    sagging, _ = report.verdict(fake_solution(force=1e5 * s**2))
-    straight, _ = report.verdict(fake_solution(force=1e5 * s))
+    bulging, _ = press_fit_verdict(fake_solution(force=1e5 * np.sqrt(s)))
+    sagging, _ = press_fit_verdict(fake_solution(force=1e5 * s**2))
+    straight, _ = press_fit_verdict(fake_solution(force=1e5 * s))
     assert bulging.convex
     assert not sagging.convex
     assert straight.bulge == pytest.approx(0.0, abs=1e-12)
@@ -263,7 +265,7 @@ def test_the_curve_bulges_or_sags():
 
 def test_a_reversal_ends_what_is_judged():
     scene = fake_scene(displacements=[0.0, 6.0, 12.0, 18.0, 12.0, 6.0])
-    judged, _ = report.verdict(fake_solution(scene, np.array([0.0, 2e5, 5e5, 7e5, -9e5, -4e5])))
+    judged, _ = press_fit_verdict(fake_solution(scene, np.array([0.0, 2e5, 5e5, 7e5, -9e5, -4e5])))
     assert judged.final_force == 7e5
     assert judged.oscillation == 0.0
 
@@ -278,22 +280,22 @@ def test_no_verdict_without_a_press_fit():
         (fake_solution(force=np.zeros(10)), "no force"),
         (fake_solution(fake_scene(travel=6.0), np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])), "by 6 mm only"),
     ]:
-        assert report.verdict(solution)[0] is None
+        assert press_fit_verdict(solution)[0] is None
         assert reason in report.summary(solution)["verdict_reason"]
 
 
 def test_first_touch_of_drawn_bodies():
     """The taper (95 at z = 0, 94.5 at z = -5) reaches the bore's 94.85 mm at z = -1.5."""
     fine = fake_scene(displacements=np.round(np.arange(-4.0, 1.0, 0.1), 1).tolist())
-    assert report.first_touch(fine) == pytest.approx(-1.4, abs=1e-9)
+    assert outlook.first_touch(fine) == pytest.approx(-1.4, abs=1e-9)
     sphere = {"shape": "disc", "radius": 10.0, "thickness": 9.0, "crown_radius": 20.0}
     flat = {"shape": "disc", "radius": 10.0, "thickness": 9.0}
     pressed = build_scene({"axle": sphere, "wheel": flat, "motion": {"start": 0.0, "travel": 0.3, "increment": 0.1}})
-    assert report.first_touch(pressed) == pytest.approx(0.1)
+    assert outlook.first_touch(pressed) == pytest.approx(0.1)
     loose = build_scene({"axle": {"seat_radius": 95.0, "seat_length": 20.0},
                          "wheel": {"bore_radius": 95.1, "hub_length": 20.0, "hub_outer_radius": 140.0},
                          "motion": {"travel": 5.0}})  # fmt: skip
-    assert report.first_touch(loose) is None
+    assert outlook.first_touch(loose) is None
 
 
 def test_lines_and_bar_say_where_the_wheel_is(capsys):
