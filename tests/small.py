@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import msgspec
+import numpy as np
 from mpi4py import MPI
 
 from macrofit.assembly import condense_bodies, discretise_bodies, friction_field
@@ -9,6 +13,10 @@ from macrofit.bodies.body import Body
 from macrofit.contact.condensed import Condensed
 from macrofit.press import Press
 from macrofit.scene import Scene, build_scene, load_scene
+from macrofit.solution import Solution
+from macrofit.solve import solve
+
+_solved: dict[bytes, Solution] = {}
 
 NO_FIELDS = ("output.stress=false", "output.fields_at=[]")
 
@@ -28,6 +36,31 @@ def small_press(*overrides: str, fields: bool = False) -> Scene:
             *overrides,
         ],
     )
+
+
+def solved(scene: Scene) -> Solution:
+    """The solution of a scene on this rank alone, computed once in a session; its arrays are read-only.
+
+    For tests that look at a solution. One that changes the solver before, or writes into the solution, calls `solve`.
+    """
+    key = msgspec.json.encode(scene)
+    if key not in _solved:
+        _solved[key] = solve(scene, MPI.COMM_SELF)
+        make_read_only(_solved[key])
+    return _solved[key]
+
+
+def make_read_only(record: object) -> None:
+    """Lock the arrays in a record, however deep they are."""
+    if isinstance(record, np.ndarray):
+        record.flags.writeable = False
+    elif dataclasses.is_dataclass(record):
+        make_read_only([getattr(record, each.name) for each in dataclasses.fields(record)])
+    elif isinstance(record, dict):
+        make_read_only(list(record.values()))
+    elif isinstance(record, list | tuple):
+        for each in record:
+            make_read_only(each)
 
 
 def condensed_press(scene: Scene, *, reuse: bool = True) -> tuple[Press, dict[str, Body]]:

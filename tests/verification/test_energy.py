@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from found import Found
+from small import solved
 
 from macrofit.scene import load_scene
-from macrofit.solve import solve
 
 NO_FIELDS = ("output.stress=false", "output.fields_at=[]")
 FRICTIONLESS = "friction.options.coefficient=0.0"
@@ -44,7 +44,7 @@ class Account:
 
 def account(*overrides: str) -> Account:
     """Run the wheelset, changed, and add up its energies from the records."""
-    solution = solve(load_scene("wheelset", [*NO_FIELDS, *overrides]))
+    solution = solved(load_scene("wheelset", [*NO_FIELDS, *overrides]))
     force, moved = solution.force, np.diff(solution.displacement)
     energy = [record.strain_energy for record in solution.increments]
     return Account(

@@ -8,12 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 from found import Found
-from small import condensed_press, small_press
+from small import condensed_press, small_press, solved
 
 from macrofit.bodies.geometry import Drawing
 from macrofit.bodies.mesh import MeshData, mesh_drawing
 from macrofit.contact import newton
 from macrofit.scene import build_scene
+from macrofit.solution import Solution
 from macrofit.solve import solve
 
 CASES = {
@@ -41,8 +42,22 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("overrides", CASES.values(), ids=CASES.keys())
-def test_condensed_equals_monolithic(overrides: tuple[str, ...], found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", params=CASES.values(), ids=CASES.keys())
+def overrides(request: pytest.FixtureRequest) -> tuple[str, ...]:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def exact(overrides: tuple[str, ...]) -> Solution:
+    """Newton's method goes on to rounding."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(newton, "TOLERANCE", 1e-15)
+        return solve(small_press(*overrides))
+
+
+def test_condensed_equals_monolithic(
+    overrides: tuple[str, ...], exact: Solution, found: Found, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Same segments, same equations, solved to rounding: forces to 1e-12 of the normal force, same Newton counts.
 
     The tolerance is the rounding of gamma * displacement (1e-14 of the pressure) times the number of moments. The
@@ -50,28 +65,23 @@ def test_condensed_equals_monolithic(overrides: tuple[str, ...], found: Found, m
     condensed engine does by default, takes a few cheap corrections more.
     """
     monkeypatch.setattr(newton, "TOLERANCE", 1e-15)
-    condensed = solve(small_press(*overrides))
+    condensed = exact
     monolithic = solve(small_press('solver="monolithic"', *overrides))
     scale = max(record.normal_force for record in condensed.increments)
     assert scale > 0.0
     difference = np.abs(condensed.force - monolithic.force).max() / scale
     assert found("condensed against monolithic: force", difference, 1e-12)
     press, _ = condensed_press(small_press(*overrides), reuse=False)
-    exact = [record.newton_iterations for record, _ in press.increments(press.rest())]
-    assert exact == [record.newton_iterations for record in monolithic.increments]
+    counts = [record.newton_iterations for record, _ in press.increments(press.rest())]
+    assert counts == [record.newton_iterations for record in monolithic.increments]
     for a, b in zip(condensed.increments, monolithic.increments, strict=True):
         assert (a.facets.status == b.facets.status).all()
         assert np.abs(a.facets.pressure - b.facets.pressure).max() <= 1e-10 * a.max_pressure
 
 
-@pytest.mark.parametrize("overrides", CASES.values(), ids=CASES.keys())
-def test_newton_ends_within_its_tolerance(
-    overrides: tuple[str, ...], found: Found, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_newton_ends_within_its_tolerance(overrides: tuple[str, ...], exact: Solution, found: Found) -> None:
     """What Newton's method says is left of the error is not less than what is: forces and pressures to 1e-10."""
-    ended = solve(small_press(*overrides))
-    monkeypatch.setattr(newton, "TOLERANCE", 1e-15)
-    exact = solve(small_press(*overrides))
+    ended = solved(small_press(*overrides))
     assert ended.counters["newton_iterations"] < exact.counters["newton_iterations"]
     scale = max(record.normal_force for record in exact.increments)
     assert found("Newton's last error: force", np.abs(ended.force - exact.force).max() / scale, 1e-10)

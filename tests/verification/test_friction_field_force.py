@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small import plain_shaft, small_press
+from small import plain_shaft, small_press, solved
 
 from macrofit.contact.status import SLIP
 from macrofit.errors import ProviderError, SceneError
@@ -52,7 +52,7 @@ def chosen(provider: str, options: str) -> Scene:
 
 @pytest.fixture(scope="module")
 def uniform() -> Solution:
-    return solve(small_press(f"friction.options.coefficient={MU}"), MPI.COMM_SELF)
+    return solved(small_press(f"friction.options.coefficient={MU}"))
 
 
 def assert_same_bits(one: Solution, other: Solution) -> None:

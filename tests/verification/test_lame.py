@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from found import Found
+from small import solved
 from verification.closed_forms import (
     drawn_rings_pressure,
     press_fit_pressure,
@@ -18,7 +19,6 @@ from verification.closed_forms import (
 
 from macrofit.scene import Hub, Scene, Shaft, load_scene
 from macrofit.solution import Solution
-from macrofit.solve import solve
 
 NO_STRESS = ("output.stress=false", "output.fields_at=[]")
 HOLLOW_AND_SOFT = ("axle.inner_radius=40", "wheel.material.youngs_modulus=110e3", "wheel.material.poisson_ratio=0.25")
@@ -44,7 +44,7 @@ def mean_pressure_error(solution: Solution) -> float:
 
 
 def error(order: int, facet: float, *overrides: str) -> float:
-    return abs(mean_pressure_error(solve(rings(order, facet, *overrides))))
+    return abs(mean_pressure_error(solved(rings(order, facet, *overrides))))
 
 
 def test_formulas_agree_where_they_must() -> None:
@@ -77,7 +77,7 @@ def test_pressure_is_uniform(order: int, facet: float, bar: float) -> None:
 
     The bars are twice the largest error over the facets measured.
     """
-    solution = solve(rings(order, facet))
+    solution = solved(rings(order, facet))
     exact = drawn_rings_pressure(*bodies(solution.scene))
     np.testing.assert_allclose(solution.increments[-1].facets.pressure, exact, rtol=bar)
 
@@ -118,7 +118,7 @@ def test_error_of_the_penalty_stays() -> None:
         left = 1.0 / (1.0 + 1.0 / (stiffness * flexibility)) - 1.0
         keys = ("contact.formulation=penalty", f"contact.penalty_stiffness={stiffness}")
         for facet in (8.0, 2.0):
-            assert mean_pressure_error(solve(rings(2, facet, *keys))) == pytest.approx(left, abs=1e-6)
+            assert mean_pressure_error(solved(rings(2, facet, *keys))) == pytest.approx(left, abs=1e-6)
 
 
 @pytest.mark.parametrize(("order", "facet"), [(1, 2.0), (2, 4.0)])
@@ -130,7 +130,7 @@ def test_neither_theta_nor_gamma_matters(order: int, facet: float) -> None:
     """
     variants = [(f"contact.gamma0={gamma0}",) for gamma0 in (10, 1, 100, 1000, 10000)]
     variants += [("contact.theta=-1",), ("contact.theta=1", "contact.gamma0=30")]
-    errors = np.array([mean_pressure_error(solve(rings(order, facet, *variant))) for variant in variants])
+    errors = np.array([mean_pressure_error(solved(rings(order, facet, *variant))) for variant in variants])
     of_the_mesh = abs(errors[0])
     assert np.ptp(errors) < 0.5 * of_the_mesh
     assert of_the_mesh < {1: 1e-3, 2: 1e-7}[order]
@@ -142,7 +142,7 @@ def test_pressure_in_the_middle_of_a_long_fit(found: Found) -> None:
     The bar of 0.3 % holds what the formula leaves open: which of the two drawn radii is the nominal one changes it
     by 2 delta / R = 0.3 % from one to the other. The ends' disturbance has died out to 0.1 % at 300 mm.
     """
-    solution = solve(load_scene("long-fit", NO_STRESS))
+    solution = solved(load_scene("long-fit", NO_STRESS))
     axle, wheel = bodies(solution.scene)
     middle = 0.5 * (solution.seat[1:] + solution.seat[:-1])
     centre = solution.increments[-1].displacement - 0.5 * wheel.hub_length

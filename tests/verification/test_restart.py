@@ -12,7 +12,7 @@ from macrofit import press as press_module
 from macrofit.contact.newton import Report, newton
 from macrofit.errors import ConvergenceError
 from macrofit.press import State
-from macrofit.solution import Increment
+from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
 
 
@@ -29,13 +29,17 @@ class Memory:
         self.kept.append((record, {name: array.copy() for name, array in state.items()}))
 
 
-@pytest.mark.parametrize("kept", [1, 4, 9])
-@pytest.mark.parametrize("theta", [0, -1])
-def test_resumed_is_uninterrupted(kept: int, theta: int) -> None:
-    scene = small_press(f"contact.theta={theta}", fields=True)
+@pytest.fixture(scope="module", params=[0, -1])
+def journalled(request: pytest.FixtureRequest) -> tuple[Solution, Memory]:
+    """A run that nobody interrupts and its journal, for a theta."""
     whole = Memory([])
-    uninterrupted = solve(scene, journal=whole)
-    resumed = solve(scene, journal=Memory(whole.kept[:kept]))
+    return solve(small_press(f"contact.theta={request.param}", fields=True), journal=whole), whole
+
+
+@pytest.mark.parametrize("kept", [1, 4, 9])
+def test_resumed_is_uninterrupted(kept: int, journalled: tuple[Solution, Memory]) -> None:
+    uninterrupted, whole = journalled
+    resumed = solve(uninterrupted.scene, journal=Memory(whole.kept[:kept]))
     assert (resumed.force == uninterrupted.force).all()
     assert resumed.max_von_mises == uninterrupted.max_von_mises
     assert len(resumed.increments) == len(uninterrupted.increments)
