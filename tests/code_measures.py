@@ -136,7 +136,7 @@ class Package:
                     yield from ((place(module, node, line), text) for line, text in attribute_docstrings(node))
 
     def long_modules(self) -> list[str]:
-        """Files of more than five hundred lines; kernels that call each other must share one, so that numba sees them."""
+        """Files of more than 500 lines; kernels that call each other must share one, so that numba sees them."""
         sizes = [(m, len(m.text.splitlines())) for m in self.modules if not is_of_kernels(m)]
         return [f"{m.path.relative_to(self.root)} has {size} lines" for m, size in sizes if size > LONG_MODULE]
 

@@ -105,7 +105,7 @@ def drifting(lattice: Lattice, safety: float, steps: int, *, large: bool) -> Ver
     body: Any = Linear(lattice, dt=dt)
     if large:
         strong = Breakage(tensile_strength=1e12, shear_strength=1e12)
-        body = Breaking(lattice, strong, dt=dt, contact_modulus=210e3)
+        body = Breaking(lattice, strong, dt=dt, contact_modulus=206e3)
     body.v[:] = np.random.default_rng(5).normal(size=body.v.shape) * (1.0, 1.0, 1.0, 20.0, 20.0, 20.0)
     inertia, modes = np.repeat(1.0 / lattice.inverse, 3, axis=1).ravel(), rigid_motions(lattice).reshape(6, -1)
     body.v -= (modes.T @ np.linalg.solve(inertia * modes @ modes.T, modes @ (inertia * body.v.ravel()))).reshape(-1, 6)

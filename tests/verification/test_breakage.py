@@ -21,7 +21,7 @@ from meso.packing.pack import pack
 from meso.settings import Breakage
 
 BEAMS = Beams(youngs_modulus=5e6, radius_ratio=0.33)  # about steel
-CONTACT = 210e3  # MPa
+CONTACT = 206e3  # MPa
 CARRIAGE = (1e-9, 0.1)  # t, N s/mm
 RADIUS, BEAM = 0.03, 0.012  # mm, of the spheres and beams of a chain
 LENGTH = 2.0 * RADIUS
