@@ -25,7 +25,7 @@ BODY_KEYS = ("axle", "wheel", "mesh", "contact", "solver")
 """The tables and keys of a scene that the bodies and their contact lines depend on."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Assembly:
     """Everything that depends on bodies, mesh and contact alone: made once, it serves every friction and motion."""
 
@@ -72,7 +72,15 @@ def assemble(scene: Scene, comm: MPI.Comm) -> Assembly:
     """
     bodies = discretise_bodies(scene, comm)
     seat, axle, wheel = condense_bodies(scene, comm, bodies)
-    return Assembly(scene, comm, bodies, seat, axle, wheel, engine_of(scene, seat, axle, wheel, bodies))
+    return Assembly(
+        scene=scene,
+        comm=comm,
+        bodies=bodies,
+        seat=seat,
+        axle=axle,
+        wheel=wheel,
+        engine=engine_of(scene, seat, axle, wheel, bodies),
+    )
 
 
 def discretise_bodies(scene: Scene, comm: MPI.Comm) -> dict[str, Body]:

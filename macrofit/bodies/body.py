@@ -26,7 +26,7 @@ from .mesh import MeshData, mesh_drawing, read_mesh
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactLine:
     """A contact line of f facets and what its interface operators need of the bulk behind it."""
 
@@ -269,15 +269,15 @@ def _contact_line(
         ends = np.append(start, end[-1:], axis=0)
         generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
     line = ContactLine(
-        space.order,
-        radial,
-        generatrix,
-        space.nodes[chain],
-        normals,
-        corners,
-        np.stack([a, b], axis=1),
-        number[space.cells[cell]],
-        len(trace),
-        material,
+        order=space.order,
+        radial=radial,
+        generatrix=generatrix,
+        nodes=space.nodes[chain],
+        normals=normals,
+        corners=corners,
+        ends=np.stack([a, b], axis=1),
+        cells=number[space.cells[cell]],
+        trace_nodes=len(trace),
+        material=material,
     )
     return line, trace

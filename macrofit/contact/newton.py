@@ -35,7 +35,7 @@ class LinearProblem(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Report:
     """How Newton's method ended."""
 
@@ -79,7 +79,13 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
             asked = _one_change(status, asked, answer.trial, friction)
         seen.add(key)
         before, last, status, kappa = answer.traction, change, asked, answer.kappa
-    return Report(answer, status, iteration, error / scale if scale else error, settled)
+    return Report(
+        answer=answer,
+        status=status,
+        iterations=iteration,
+        residual=error / scale if scale else error,
+        converged=settled,
+    )
 
 
 def _one_change(status: Status, asked: Status, trial: FloatArray, friction: FloatArray) -> Status:

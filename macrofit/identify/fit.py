@@ -39,7 +39,7 @@ class IdentificationError(MacrofitError):
     """A parameter that the curve does not determine, or not within its bounds."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """The least-squares value p of one parameter and what its error is."""
 
@@ -138,7 +138,17 @@ def _report(known: dict[float, FloatArray], best: float, slope: FloatArray, meas
     bounded = min(max(rho, 0.0), 0.99)
     trials = tuple((p, _squares(measured - forces)) for p, forces in known.items())
     correlated = error * float(np.sqrt((1.0 + bounded) / (1.0 - bounded)))
-    return Fit(best, error, correlated, rho, sigma, known[best], residual, slope, trials)
+    return Fit(
+        value=best,
+        standard_error=error,
+        standard_error_correlated=correlated,
+        correlation=rho,
+        sigma=sigma,
+        fitted=known[best],
+        residual=residual,
+        sensitivity=slope,
+        trials=trials,
+    )
 
 
 def _squares(residual: FloatArray) -> float:
@@ -151,7 +161,7 @@ def neighbour_correlation(residual: FloatArray) -> float:
     return float(residual[:-1] @ residual[1:]) / squares if squares > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identification:
     """A fit with where it comes from."""
 
