@@ -110,7 +110,9 @@ class Press:
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
         """The increments of the scene from number ``first`` on, each with the state it leaves.
 
-        Raises ConvergenceError where no cutback helps, ProviderError where friction cannot be had.
+        Raises:
+            ConvergenceError: no cutback helps.
+            ProviderError: friction cannot be had.
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
@@ -121,7 +123,8 @@ class Press:
     def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
 
-        Raises ConvergenceError when a step would get shorter than 2^-max_cutbacks of the increment.
+        Raises:
+            ConvergenceError: a step would get shorter than 2^-max_cutbacks of the increment.
         """
         whole = displacement - state.displacement
         steps: list[Step] = []

@@ -103,7 +103,7 @@ class PairFrictionMap:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A whole run."""
+    """A whole run: its increments, its stresses and fields, and what it took."""
 
     scene: Scene
     seat: FloatArray  # (facets + 1,) coordinates of the seat's facet ends [mm]: z, or r where the gap is axial

@@ -84,7 +84,8 @@ class Body:
     def __init__(self, scene: Scene, which: str) -> None:
         """Mesh, assemble and support the ``which`` ("axle" or "wheel") of a scene.
 
-        Raises MeshError where a file has no usable contact line.
+        Raises:
+            MeshError: a file has no usable contact line.
         """
         self.which = which
         contact = "seat" if which == "axle" else "bore"
@@ -148,7 +149,8 @@ class Body:
         C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
-        Raises MeshError where S is not definite, or larger than this machine's memory.
+        Raises:
+            MeshError: S is not definite, or larger than this machine's memory.
         """
         lines = len(self.line.nodes)
         loaded = len(self.trace) if load_trace else lines

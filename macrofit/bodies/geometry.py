@@ -55,7 +55,7 @@ class Generatrix:
     radius: FloatArray
 
     def height(self, s: FloatArray) -> FloatArray:
-        """h(s) [mm]."""
+        """Height h(s) of the line [mm]."""
         k = self._piece(s)
         line = self.height0[k] + self.slope0[k] * (s - self.breaks[k])
         if not self.bend.any():
@@ -64,7 +64,7 @@ class Generatrix:
         return np.where(self.bend[k] == 0.0, line, self.centre_h[k] + self.bend[k] * root)
 
     def slope(self, s: FloatArray) -> FloatArray:
-        """dh/ds."""
+        """Slope dh/ds of the line [-]."""
         k = self._piece(s)
         if not self.bend.any():
             return self.slope0[k]

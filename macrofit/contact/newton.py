@@ -89,7 +89,7 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
 
 
 def _one_change(status: Status, asked: Status, trial: FloatArray, friction: FloatArray) -> Status:
-    """Of the changes that ``asked`` makes to ``status`` only that of the moment farthest from the law.
+    """Take over the one change from ``status`` to ``asked`` that is farthest from the law.
 
     Where stick and slip of neighbours chase each other around a cycle, changing all of them at once does not end.
     """

@@ -211,9 +211,7 @@ def identify(
     scene = load_scene(source, common)
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
     start, bounds = _start(scene, key, bounds, script)
-    places = np.array(scene.displacements)
-    if (np.diff(places) <= 0.0).any():
-        raise SceneError("motion: the displacements must ascend for a curve to be compared with")
+    places = _ascending(scene)
     inside = comparable(measured, places)
     at, wanted = measured.displacement[inside], measured.force[inside]
     model = ForwardModel(source, common, key, comm, friction)
@@ -268,6 +266,14 @@ class ForwardModel:
             raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
         self.runs += 1
         return solution.force
+
+
+def _ascending(scene: Scene) -> FloatArray:
+    """The scene's displacements [mm], where a curve can be compared along them."""
+    places = np.array(scene.displacements)
+    if (np.diff(places) <= 0.0).any():
+        raise SceneError("motion: the displacements must ascend for a curve to be compared with")
+    return places
 
 
 def _start(

@@ -111,7 +111,11 @@ def _varied_keys(varied: Sequence[tuple[str, list[str]]]) -> tuple[str, ...]:
 
 
 def parse_vary(text: str) -> tuple[str, list[str]]:
-    """Key and values of "key=v1,v2,...". Raises SceneError."""
+    """Key and values of "key=v1,v2,...".
+
+    Raises:
+        SceneError: it is written otherwise.
+    """
     key, equals, listed = text.partition("=")
     key = key.strip()
     if not equals or not key:
@@ -132,7 +136,11 @@ def parse_vary(text: str) -> tuple[str, list[str]]:
 
 
 def reference_overrides(text: str) -> tuple[str, list[str]]:
-    """Label and overrides of a reference: "uniform=0.11", or "key=value,..." as for --set. Raises SceneError."""
+    """Label and overrides of a reference: "uniform=0.11", or "key=value,..." as for --set.
+
+    Raises:
+        SceneError: it is written otherwise.
+    """
     name, equals, value = text.partition("=")
     if not equals or not name.strip() or not value.strip():
         raise SceneError(f"--reference '{text}': write uniform=0.11, or key=value,key=value,... as for --set")
