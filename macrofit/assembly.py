@@ -25,7 +25,7 @@ BODY_KEYS = ("axle", "wheel", "mesh", "contact", "solver")
 """The tables and keys of a scene that the bodies and their contact lines depend on."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Assembly:
     """Everything that depends on bodies, mesh and contact alone: made once, it serves every friction and motion."""
 
@@ -53,7 +53,11 @@ class Assembly:
         return all(getattr(scene, key) == getattr(self.scene, key) for key in BODY_KEYS)
 
     def checked(self, scene: Scene, comm: MPI.Comm) -> Assembly:
-        """Itself. Raises SceneError where it was made for other bodies or ranks; the message names the tables."""
+        """Itself, once it is seen to serve the scene on these ranks.
+
+        Raises:
+            SceneError: it was made for other bodies or ranks; the message names the tables.
+        """
         others = [key for key in BODY_KEYS if getattr(scene, key) != getattr(self.scene, key)]
         if others:
             raise SceneError(
@@ -68,17 +72,27 @@ class Assembly:
 def assemble(scene: Scene, comm: MPI.Comm) -> Assembly:
     """Mesh, factor and condense both bodies, each on a rank of its own. Collective.
 
-    Raises MeshError.
+    Raises:
+        MeshError: a body cannot be meshed, supported or held in memory.
     """
     bodies = discretise_bodies(scene, comm)
     seat, axle, wheel = condense_bodies(scene, comm, bodies)
-    return Assembly(scene, comm, bodies, seat, axle, wheel, engine_of(scene, seat, axle, wheel, bodies))
+    return Assembly(
+        scene=scene,
+        comm=comm,
+        bodies=bodies,
+        seat=seat,
+        axle=axle,
+        wheel=wheel,
+        engine=engine_of(scene, seat, axle, wheel, bodies),
+    )
 
 
 def discretise_bodies(scene: Scene, comm: MPI.Comm) -> dict[str, Body]:
     """The bodies this rank holds; the monolithic solver needs both on every rank. Collective.
 
-    Raises MeshError.
+    Raises:
+        MeshError: a body cannot be meshed, supported or held in memory.
     """
     everywhere = scene.solver == "monolithic"
     bodies: dict[str, Body] = {}

@@ -38,7 +38,7 @@ class Engine(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class State:
     """Everything an increment starts from."""
 
@@ -67,7 +67,7 @@ class State:
         return State(**{**own, **scalars})  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """The trial of one displacement; its state counts where Newton's method converged."""
 
@@ -93,24 +93,26 @@ class Press:
         line = self.seat.line
         moments = np.zeros((line.facets, self.seat.moments), dtype=np.int64)
         return State(
-            self.scene.displacements[0],
-            0.0,
-            np.zeros(2 * self.seat.loaded),
-            np.zeros(2 * len(self.bore.nodes)),
-            np.zeros(2 * self.seat.loaded),
-            np.zeros(2 * len(self.bore.nodes)),
-            np.zeros(line.facets),
-            np.zeros(line.facets),
-            moments,
-            moments,
-            moments.astype(np.float64),
-            moments.astype(np.float64),
+            displacement=self.scene.displacements[0],
+            direction=0.0,
+            seat_displacement=np.zeros(2 * self.seat.loaded),
+            bore_displacement=np.zeros(2 * len(self.bore.nodes)),
+            seat_load=np.zeros(2 * self.seat.loaded),
+            bore_load=np.zeros(2 * len(self.bore.nodes)),
+            pressure=np.zeros(line.facets),
+            accumulated_slip=np.zeros(line.facets),
+            kind=moments,
+            sign=moments,
+            kappa=moments.astype(np.float64),
+            held=moments.astype(np.float64),
         )
 
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
         """The increments of the scene from number ``first`` on, each with the state it leaves.
 
-        Raises ConvergenceError where no cutback helps, ProviderError where friction cannot be had.
+        Raises:
+            ConvergenceError: no cutback helps.
+            ProviderError: friction cannot be had.
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
@@ -121,7 +123,8 @@ class Press:
     def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
 
-        Raises ConvergenceError when a step would get shorter than 2^-max_cutbacks of the increment.
+        Raises:
+            ConvergenceError: a step would get shorter than 2^-max_cutbacks of the increment.
         """
         whole = displacement - state.displacement
         steps: list[Step] = []
@@ -170,7 +173,13 @@ class Press:
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
         approach = np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old])
-        contact = ContactProblem(covered, coupling, approach, self.seat.line.radial, self.seat.nitsche)
+        contact = ContactProblem(
+            covered=covered,
+            coupling=coupling,
+            approach=approach,
+            radial=self.seat.line.radial,
+            nitsche=self.seat.nitsche,
+        )
         friction = self._facet_friction(coupling, state, displacement)[covered.facet]
         guess = self._first_guess(state, contact, friction, moved)
         problem = self.engine.problem(contact)
@@ -227,12 +236,21 @@ class Press:
         """Where the tiles of both lines lie."""
         s, b = self.seat.line.coordinate, self.bore.coordinate
         ends = (float(b[0]), float(b[-1]))
-        return Tiling(TILE, float(s[0]), tiles(s), ends, tiles(b), self.seat.line.radial)
+        return Tiling(
+            size=TILE,
+            seat_origin=float(s[0]),
+            seat_tiles=tiles(s),
+            bore_ends=ends,
+            bore_tiles=tiles(b),
+            radial=self.seat.line.radial,
+        )
 
     def pair_friction(self) -> PairFrictionMap | None:
         """What is known of the pairs of tiles met so far; None where all have the same coefficient."""
-        known = self.friction.state()
-        return PairFrictionMap(self.tiling, *known, self.friction.lasting) if self.friction.per_pair else None
+        if not self.friction.per_pair:
+            return None
+        known = self.friction.state()._asdict()
+        return PairFrictionMap(tiling=self.tiling, **known, lasting=self.friction.lasting)
 
     def _step(
         self,
@@ -252,29 +270,30 @@ class Press:
         facets = self._facet_state(state, contact, answer, report.status, friction, gap, slip)
         moved = displacement - state.displacement
         after = State(
-            displacement,
-            float(np.sign(moved)) or state.direction,
-            *displacements,
-            seat_load,
-            bore_load,
-            facets.pressure,
-            facets.accumulated_slip,
-            self._by_moment(contact, report.status.kind).astype(np.int64),
-            self._by_moment(contact, report.status.sign).astype(np.int64),
-            self._by_moment(contact, answer.kappa),
-            self._by_moment(contact, held),
+            displacement=displacement,
+            direction=float(np.sign(moved)) or state.direction,
+            seat_displacement=displacements[0],
+            bore_displacement=displacements[1],
+            seat_load=seat_load,
+            bore_load=bore_load,
+            pressure=facets.pressure,
+            accumulated_slip=facets.accumulated_slip,
+            kind=self._by_moment(contact, report.status.kind).astype(np.int64),
+            sign=self._by_moment(contact, report.status.sign).astype(np.int64),
+            kappa=self._by_moment(contact, answer.kappa),
+            held=self._by_moment(contact, held),
         )
         pressure = -answer.traction[0]
         return Step(
-            after,
-            report,
-            facets,
-            contact.axial_force(answer.total),
-            float(weight @ pressure),
-            float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
-            float(weight @ (friction * pressure)),
-            self._strain_energy(after),
-            float(weight @ (answer.traction[1] * slip)),
+            state=after,
+            report=report,
+            facets=facets,
+            force=contact.axial_force(answer.total),
+            normal_force=float(weight @ pressure),
+            friction_force=float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
+            friction_bound=float(weight @ (friction * pressure)),
+            strain_energy=self._strain_energy(after),
+            dissipation=float(weight @ (answer.traction[1] * slip)),
         )
 
     def _strain_energy(self, state: State) -> float:
@@ -313,13 +332,13 @@ class Press:
         kinds = status.kind.reshape(-1, m)
         kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
         return FacetState(
-            mean(-answer.traction[0]),
-            mean(answer.traction[1]),
-            mean(gap),
-            slipped,
-            state.accumulated_slip + np.abs(slipped),
-            kind,
-            mean(friction),
+            pressure=mean(-answer.traction[0]),
+            traction=mean(answer.traction[1]),
+            gap=mean(gap),
+            slip=slipped,
+            accumulated_slip=state.accumulated_slip + np.abs(slipped),
+            status=kind,
+            friction=mean(friction),
         )
 
     def _apart(self, state: State, displacement: float) -> Step:
@@ -336,9 +355,33 @@ class Press:
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
         none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
-        report = Report(LinearSolution(nothing, nothing, nothing, np.zeros(0)), none, 0, 0.0, True)
-        facets = FacetState(zero, zero, zero, zero, state.accumulated_slip, zero.astype(np.int64), zero)
-        return Step(after, report, facets, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        report = Report(
+            answer=LinearSolution(nothing, nothing, nothing, np.zeros(0)),
+            status=none,
+            iterations=0,
+            residual=0.0,
+            converged=True,
+        )
+        facets = FacetState(
+            pressure=zero,
+            traction=zero,
+            gap=zero,
+            slip=zero,
+            accumulated_slip=state.accumulated_slip,
+            status=zero.astype(np.int64),
+            friction=zero,
+        )
+        return Step(
+            state=after,
+            report=report,
+            facets=facets,
+            force=0.0,
+            normal_force=0.0,
+            friction_force=0.0,
+            friction_bound=0.0,
+            strain_energy=0.0,
+            dissipation=0.0,
+        )
 
 
 def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:

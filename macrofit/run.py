@@ -39,7 +39,7 @@ def carry_out(
     quiet: bool,
     friction: GivenFriction | None = None,
 ) -> list[str]:
-    """Solve the scene, write its results into ``folder``, and give the closing words (rank 0). Collective.
+    """Solve the scene, write its results into ``folder``, and give the summary lines (rank 0). Collective.
 
     Only rank 0 writes. ``friction`` is an object in place of the scene's [friction], see `solve`; it must state a
     ``digest``, for the folder keeps a journal.
@@ -75,7 +75,8 @@ def carry_out(
 def open_folder(folder: Path, scene: Scene, *, resume: bool) -> tuple[Journal, CurveFile]:
     """Make the folder ready; its journal, and its curve with what a resumed run already has.
 
-    Raises OutputError: see `prepare`, `Journal.start` and `Journal.resume`.
+    Raises:
+        OutputError: see `prepare`, `Journal.start` and `Journal.resume`.
     """
     path = folder / JOURNAL
     owned = is_journal(path)
@@ -99,7 +100,7 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
 
 
 def write_results(folder: Path, solution: Solution) -> list[str]:
-    """Write what is left when all increments are done; gives the closing words."""
+    """Write what is left when all increments are done; gives the summary lines."""
     from .figures.curves import write_figures
 
     numbers = summary(solution)

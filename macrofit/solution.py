@@ -14,7 +14,7 @@ from .friction import TileOverlaps, tile_overlaps
 from .scene.keys import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FacetState:
     """The seat's facets at one increment, arrays of shape (facets,); zero where the wheel is not near."""
 
@@ -27,7 +27,7 @@ class FacetState:
     friction: FloatArray  # coefficient of friction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Increment:
     """One accepted increment."""
 
@@ -60,7 +60,7 @@ class Extreme:
     displacement_mm: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BodyField:
     """Displacement and stress of one body at one displacement, for files and figures."""
 
@@ -71,7 +71,7 @@ class BodyField:
     von_mises: FloatArray  # (n,) [MPa], recovered at the nodes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tiling:
     """Where the friction tiles of seat and bore lie."""
 
@@ -89,7 +89,7 @@ class Tiling:
         return tile_overlaps(start, end, edge, *tiles, seat_origin=self.seat_origin)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PairFrictionMap:
     """The pairs of tiles a run has met and their friction, arrays of shape (pairs,)."""
 
@@ -101,9 +101,9 @@ class PairFrictionMap:
     lasting: bool  # a pair keeps its coefficient: the provider depends on tiles alone
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A whole run."""
+    """A whole run: its increments, its stresses and fields, and what it took."""
 
     scene: Scene
     seat: FloatArray  # (facets + 1,) coordinates of the seat's facet ends [mm]: z, or r where the gap is axial

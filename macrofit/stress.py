@@ -21,7 +21,7 @@ from .solution import BodyField, Extreme
 _BATCH = 32  # right-hand sides at once
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stresses:
     """What the bodies' ranks found, on every rank."""
 
@@ -38,7 +38,7 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
     travels = [state.displacement for state in states]
     wanted = _fields_at(scene, travels)
     if not states or not (scene.output.stress or wanted):
-        return Stresses({}, {}, {}, 0, 0)
+        return Stresses(extremes={}, fields={}, reactions={}, factorisations=0, back_substitutions=0)
     found: dict[str, _BodyStresses] = {}
     with raise_together(comm):
         for name, body in assembly.bodies.items():
@@ -50,11 +50,11 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
                 found[name] = _evaluate(evaluator, loads, travels, wanted, everywhere=scene.output.stress)
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
-        {name: part.extreme for name, part in both.items() if part.extreme is not None},
-        {travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
-        {name: part.reactions for name, part in both.items()},
-        sum(part.factorisations for part in both.values()),
-        sum(part.back_substitutions for part in both.values()),
+        extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
+        fields={travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
+        reactions={name: part.reactions for name, part in both.items()},
+        factorisations=sum(part.factorisations for part in both.values()),
+        back_substitutions=sum(part.back_substitutions for part in both.values()),
     )
 
 
@@ -69,7 +69,7 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
     return sorted(numbers)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _BodyStresses:
     extreme: Extreme | None
     fields: dict[int, BodyField]
@@ -105,7 +105,13 @@ def _evaluate(
         for k in set(batch) & set(wanted):
             column = batch.index(k)
             fields[k] = _field(body, evaluator, displacement[:, column], stress[:, :, column], travels[k])
-    return _BodyStresses(best, fields, reactions, body.factorisations - factored, body.back_substitutions - solved)
+    return _BodyStresses(
+        extreme=best,
+        fields=fields,
+        reactions=reactions,
+        factorisations=body.factorisations - factored,
+        back_substitutions=body.back_substitutions - solved,
+    )
 
 
 def _larger(
@@ -126,4 +132,10 @@ def _field(
 ) -> BodyField:
     recovered = evaluator.recover(stress)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
-    return BodyField(points, body.space.cells, displacement.reshape(-1, 2), recovered, von_mises(recovered.T))
+    return BodyField(
+        points=points,
+        cells=body.space.cells,
+        displacement=displacement.reshape(-1, 2),
+        stress=recovered,
+        von_mises=von_mises(recovered.T),
+    )

@@ -22,13 +22,14 @@ def fake_scene(**motion: object) -> Scene:
 def fake_increment(index: int, displacement: float, force: float, facets: int = 25) -> Increment:
     """An increment whose numbers have no short decimal form, so that a lost bit shows."""
     rng = np.random.default_rng(index)
-    columns = [rng.random(facets) / 3.0 for _ in range(5)]
+    names = ("pressure", "traction", "gap", "slip", "accumulated_slip")
+    columns = {name: rng.random(facets) / 3.0 for name in names}
     status = rng.integers(0, 3, facets)
-    state = FacetState(*columns, status=status, friction=np.full(facets, 0.11))
+    state = FacetState(**columns, status=status, friction=np.full(facets, 0.11))
     return Increment(
         index=index, displacement=displacement, force=force, normal_force=force / 0.11,
         friction_force=force * 0.99, mean_friction=0.11,
-        max_pressure=float(columns[0].max()), active_facets=int((status > 0).sum()), sticking_facets=2,
+        max_pressure=float(columns["pressure"].max()), active_facets=int((status > 0).sum()), sticking_facets=2,
         newton_iterations=3, cutbacks=0, residual=1e-13, converged=True, strain_energy=1.0 / 3.0,
         dissipation=2.0 / 7.0, wall_s=0.004, facets=state,
     )  # fmt: skip
@@ -43,7 +44,13 @@ def fake_field(shift: float = 0.0, quadratic: bool = True) -> BodyField:
     place = np.array(points)[:nodes]
     place[:, 1] += shift
     stress = np.arange(4.0 * nodes).reshape(nodes, 4)
-    return BodyField(place, np.array(cells)[:, :columns], np.full((nodes, 2), 0.01), stress, stress[:, 0] * 10.0)
+    return BodyField(
+        points=place,
+        cells=np.array(cells)[:, :columns],
+        displacement=np.full((nodes, 2), 0.01),
+        stress=stress,
+        von_mises=stress[:, 0] * 10.0,
+    )
 
 
 def fake_solution(scene: Scene | None = None, force: np.ndarray | None = None, facets: int = 25) -> Solution:

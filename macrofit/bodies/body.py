@@ -26,7 +26,7 @@ from .mesh import MeshData, mesh_drawing, read_mesh
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactLine:
     """A contact line of f facets and what its interface operators need of the bulk behind it."""
 
@@ -84,7 +84,8 @@ class Body:
     def __init__(self, scene: Scene, which: str) -> None:
         """Mesh, assemble and support the ``which`` ("axle" or "wheel") of a scene.
 
-        Raises MeshError where a file has no usable contact line.
+        Raises:
+            MeshError: a file has no usable contact line.
         """
         self.which = which
         contact = "seat" if which == "axle" else "bore"
@@ -148,7 +149,8 @@ class Body:
         C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
-        Raises MeshError where S is not definite, or larger than this machine's memory.
+        Raises:
+            MeshError: S is not definite, or larger than this machine's memory.
         """
         lines = len(self.line.nodes)
         loaded = len(self.trace) if load_trace else lines
@@ -269,15 +271,15 @@ def _contact_line(
         ends = np.append(start, end[-1:], axis=0)
         generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
     line = ContactLine(
-        space.order,
-        radial,
-        generatrix,
-        space.nodes[chain],
-        normals,
-        corners,
-        np.stack([a, b], axis=1),
-        number[space.cells[cell]],
-        len(trace),
-        material,
+        order=space.order,
+        radial=radial,
+        generatrix=generatrix,
+        nodes=space.nodes[chain],
+        normals=normals,
+        corners=corners,
+        ends=np.stack([a, b], axis=1),
+        cells=number[space.cells[cell]],
+        trace_nodes=len(trace),
+        material=material,
     )
     return line, trace

@@ -63,7 +63,7 @@ logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log
 WeakForm = Callable[[Any, Any, Any, Any], Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Discretisation:
     """A Lagrange space of vectors (u_r, u_z) on one body; degree of freedom 2 * node + component.
 
@@ -104,11 +104,11 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
     vertices = _rows(geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap, count)
     original = np.asarray(geometry.input_global_indices, dtype=np.int64)[vertices]
     return Discretisation(
-        order,
-        np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2]),
-        cells,
-        _locate_edges(original, data.edges, len(data.points)),
-        sp.csr_matrix((entries, indices, indptr), shape=size),
+        order=order,
+        nodes=np.ascontiguousarray(space.tabulate_dof_coordinates()[:, :2]),
+        cells=cells,
+        edges=_locate_edges(original, data.edges, len(data.points)),
+        stiffness=sp.csr_matrix((entries, indices, indptr), shape=size),
     )
 
 

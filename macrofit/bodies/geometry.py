@@ -37,7 +37,7 @@ class Sizes:
         return cls(facet, facet if keys.corner_facet is None else min(facet, scale * keys.corner_facet), keys.growth)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Generatrix:
     """A contact line h(s) made of straight pieces and circular arcs, in ascending s.
 
@@ -55,7 +55,7 @@ class Generatrix:
     radius: FloatArray
 
     def height(self, s: FloatArray) -> FloatArray:
-        """h(s) [mm]."""
+        """Height h(s) of the line [mm]."""
         k = self._piece(s)
         line = self.height0[k] + self.slope0[k] * (s - self.breaks[k])
         if not self.bend.any():
@@ -64,7 +64,7 @@ class Generatrix:
         return np.where(self.bend[k] == 0.0, line, self.centre_h[k] + self.bend[k] * root)
 
     def slope(self, s: FloatArray) -> FloatArray:
-        """dh/ds."""
+        """Slope dh/ds of the line [-]."""
         k = self._piece(s)
         if not self.bend.any():
             return self.slope0[k]
@@ -127,7 +127,15 @@ def polyline(points: FloatArray) -> Generatrix:
     s, h = points.T
     n = len(s) - 1
     zero = np.zeros(n)
-    return Generatrix(s.copy(), h[:-1].copy(), np.diff(h) / np.diff(s), zero, zero, zero, np.ones(n))
+    return Generatrix(
+        breaks=s.copy(),
+        height0=h[:-1].copy(),
+        slope0=np.diff(h) / np.diff(s),
+        bend=zero,
+        centre_s=zero,
+        centre_h=zero,
+        radius=np.ones(n),
+    )
 
 
 def blended(points: list[Point], blends: list[float]) -> Generatrix:
@@ -163,7 +171,8 @@ def blended(points: list[Point], blends: list[float]) -> Generatrix:
 
 def _assemble(pieces: list[tuple[float, ...]], end: float) -> Generatrix:
     table = np.array(pieces).T
-    return Generatrix(np.append(table[0], end), *table[1:])
+    rest = ("height0", "slope0", "bend", "centre_s", "centre_h", "radius")
+    return Generatrix(breaks=np.append(table[0], end), **dict(zip(rest, table[1:], strict=True)))
 
 
 @singledispatch

@@ -29,7 +29,7 @@ class Band:
                 out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MortarCoupling:
     """How the lines face each other at one displacement of the wheel; p covered portions, n moments each."""
 
@@ -149,14 +149,16 @@ def _coupling(
         gap, axial_share_undeformed = (height + travel) * normal[:, 1], np.zeros_like(s)
     size = (len(normals), span.stop - span.start)
     return MortarCoupling(
-        portions,
-        normals,
-        len(bore.nodes),
-        Band(_dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])),
-        _dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
-        _mean(test, gap, which, len(portions.facet)),
-        _mean(test, axial_share_undeformed, which, len(portions.facet)),
-        clearance,
+        portions=portions,
+        normals=normals,
+        nodes=len(bore.nodes),
+        bore=Band(
+            _dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])
+        ),
+        slope=_dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
+        gap=_mean(test, gap, which, len(portions.facet)),
+        axial_share_undeformed=_mean(test, axial_share_undeformed, which, len(portions.facet)),
+        clearance=clearance,
     )
 
 

@@ -62,7 +62,7 @@ class LinearSolution:
     kappa: FloatArray  # (n,) at the new displacements
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactProblem:
     """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate."""
 

@@ -31,7 +31,7 @@ Entries = tuple[FloatArray, IntArray, IntArray]
 """Data, rows and columns of a sparse matrix; equal places add up."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CoveredFacets:
     """Covered portions of seat facets and the basis of their moments."""
 
@@ -62,11 +62,20 @@ def covered_facets(line: ContactLine, facet: IntArray, start: FloatArray, end: F
     density = 2.0 * math.pi * line.length[facet] / extent
     area = density * 2.0 * half * radius
     if line.order == 1:
-        return CoveredFacets(facet, start, end, density, middle[:, None], area[:, None])
+        return CoveredFacets(
+            facet=facet, start=start, end=end, density=density, points=middle[:, None], weight=area[:, None]
+        )
     shift = slope * half**2 / (3.0 * radius)
     spread = np.sqrt(half**2 / 3.0 - shift**2)
     points = np.stack([middle + shift - spread, middle + shift + spread], axis=1)
-    return CoveredFacets(facet, start, end, density, points, np.stack([0.5 * area, 0.5 * area], axis=1))
+    return CoveredFacets(
+        facet=facet,
+        start=start,
+        end=end,
+        density=density,
+        points=points,
+        weight=np.stack([0.5 * area, 0.5 * area], axis=1),
+    )
 
 
 def quadrature(

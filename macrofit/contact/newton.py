@@ -35,7 +35,7 @@ class LinearProblem(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Report:
     """How Newton's method ended."""
 
@@ -79,11 +79,17 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
             asked = _one_change(status, asked, answer.trial, friction)
         seen.add(key)
         before, last, status, kappa = answer.traction, change, asked, answer.kappa
-    return Report(answer, status, iteration, error / scale if scale else error, settled)
+    return Report(
+        answer=answer,
+        status=status,
+        iterations=iteration,
+        residual=error / scale if scale else error,
+        converged=settled,
+    )
 
 
 def _one_change(status: Status, asked: Status, trial: FloatArray, friction: FloatArray) -> Status:
-    """Of the changes that ``asked`` makes to ``status`` only that of the moment farthest from the law.
+    """Take over the one change from ``status`` to ``asked`` that is farthest from the law.
 
     Where stick and slip of neighbours chase each other around a cycle, changing all of them at once does not end.
     """

@@ -15,7 +15,7 @@ from ..scene.keys import ContactKeys
 from .moments import CoveredFacets, covered_facets, entries, quadrature, scalar_rows, shape, vector_rows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SeatRows:
     """Operators of n moments on the axle's trace nodes, rows component-major."""
 
@@ -27,7 +27,7 @@ class SeatRows:
     traction: sp.csr_matrix | None  # (2 n, 2 trace nodes) T [MPa/mm]; None for penalty
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CoveredSeat:
     """The seat's side at one displacement: n moments, of whole facets and of at most two partly covered ones."""
 
@@ -100,7 +100,14 @@ class Seat:
         nodes = np.arange(self.loaded)
         loaded = np.concatenate([nodes, line.trace_nodes + nodes])
         jump, load = jump[:, loaded], load[:, loaded]
-        return SeatRows(portions.weight.ravel(), jump, trial, load, load.T.tocsr(), traction)
+        return SeatRows(
+            weight=portions.weight.ravel(),
+            jump=jump,
+            trial=trial,
+            load=load,
+            load_transposed=load.T.tocsr(),
+            traction=traction,
+        )
 
     def cover(self, portions: CoveredFacets) -> CoveredSeat:
         """The operators on the covered portions; only those of partly covered facets are computed."""
@@ -115,13 +122,13 @@ class Seat:
             partial = self.rows(covered_facets(self.line, facets[part], portions.start[part], portions.end[part]))
         facet = np.repeat(facets, m)
         return CoveredSeat(
-            self.full,
-            partial,
-            facet,
-            index,
-            portions.weight.ravel(),
-            self.gamma[facet],
-            self.line.normals[facet],
+            full=self.full,
+            partial=partial,
+            facet=facet,
+            index=index,
+            weight=portions.weight.ravel(),
+            gamma=self.gamma[facet],
+            normals=self.line.normals[facet],
         )
 
 

@@ -23,7 +23,11 @@ ZOOM = 24.0
 
 
 def write_figures(folder: Path, solution: Solution) -> list[Path]:
-    """Every figure the run has data for. Raises OutputError when one cannot be written."""
+    """Write every figure the run has data for.
+
+    Raises:
+        OutputError: one cannot be written.
+    """
     drawn = {"fitting_curve.png": fitting_curve(solution)}
     if any(record.normal_force > 0.0 for record in solution.increments):
         drawn["interface.png"] = interface(solution)
@@ -57,7 +61,8 @@ def fitting_curve(solution: Solution) -> Any:
 def compare(folders: Sequence[Path], target: Path) -> Path:
     """Overlay the fitting curves of several output folders, read from their CSV files, in one figure.
 
-    Raises OutputError when a curve cannot be read or the figure cannot be written.
+    Raises:
+        OutputError: a curve cannot be read or the figure cannot be written.
     """
     curves = [(folder, read_curve(folder)) for folder in folders]
     figure, (axes,) = sheet(7.0, 4.4)

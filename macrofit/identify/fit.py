@@ -39,7 +39,7 @@ class IdentificationError(MacrofitError):
     """A parameter that the curve does not determine, or not within its bounds."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """The least-squares value p of one parameter and what its error is."""
 
@@ -138,7 +138,17 @@ def _report(known: dict[float, FloatArray], best: float, slope: FloatArray, meas
     bounded = min(max(rho, 0.0), 0.99)
     trials = tuple((p, _squares(measured - forces)) for p, forces in known.items())
     correlated = error * float(np.sqrt((1.0 + bounded) / (1.0 - bounded)))
-    return Fit(best, error, correlated, rho, sigma, known[best], residual, slope, trials)
+    return Fit(
+        value=best,
+        standard_error=error,
+        standard_error_correlated=correlated,
+        correlation=rho,
+        sigma=sigma,
+        fitted=known[best],
+        residual=residual,
+        sensitivity=slope,
+        trials=trials,
+    )
 
 
 def _squares(residual: FloatArray) -> float:
@@ -151,7 +161,7 @@ def neighbour_correlation(residual: FloatArray) -> float:
     return float(residual[:-1] @ residual[1:]) / squares if squares > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identification:
     """A fit with where it comes from."""
 
@@ -201,9 +211,7 @@ def identify(
     scene = load_scene(source, common)
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
     start, bounds = _start(scene, key, bounds, script)
-    places = np.array(scene.displacements)
-    if (np.diff(places) <= 0.0).any():
-        raise SceneError("motion: the displacements must ascend for a curve to be compared with")
+    places = _ascending(scene)
     inside = comparable(measured, places)
     at, wanted = measured.displacement[inside], measured.force[inside]
     model = ForwardModel(source, common, key, comm, friction)
@@ -258,6 +266,14 @@ class ForwardModel:
             raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
         self.runs += 1
         return solution.force
+
+
+def _ascending(scene: Scene) -> FloatArray:
+    """The scene's displacements [mm], where a curve can be compared along them."""
+    places = np.array(scene.displacements)
+    if (np.diff(places) <= 0.0).any():
+        raise SceneError("motion: the displacements must ascend for a curve to be compared with")
+    return places
 
 
 def _start(

@@ -38,8 +38,9 @@ def read_measured(path: Path) -> Measured:
     understood. A first line that is no numbers is the header; units at the end of its names (displacement_mm,
     "force [kN]") are used, mm and N where there are none. Lines that start with # are left out.
 
-    Raises OutputError: unreadable, not two columns, not a number, not finite, or displacements that do not ascend;
-    the message has the line.
+    Raises:
+        OutputError: unreadable, not two columns, not a number, not finite, or displacements that do not ascend; the
+            message has the line.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -75,7 +76,8 @@ def read_measured(path: Path) -> Measured:
 def comparable(measured: Measured, computed: FloatArray) -> FloatArray:
     """Which of the points, (n,) of bool, lie within the computed displacements [mm], ascending.
 
-    Raises OutputError: too few do.
+    Raises:
+        OutputError: too few do.
     """
     inside = (measured.displacement >= computed[0] - 1e-9) & (measured.displacement <= computed[-1] + 1e-9)
     if inside.sum() < FEWEST:
@@ -91,7 +93,8 @@ def comparable(measured: Measured, computed: FloatArray) -> FloatArray:
 def check_scale(measured: FloatArray, computed: FloatArray, displacement: FloatArray) -> None:
     """Refuse measured forces [N] that are far from the computed ones at the same places: other units, or another sign.
 
-    Raises OutputError.
+    Raises:
+        OutputError: they are, or the scene needs no force.
     """
     top, reached = float(np.abs(measured).max()), float(np.abs(computed).max())
     if reached == 0.0:
@@ -119,7 +122,11 @@ def _number(cell: str, separator: str | None) -> float | None:
 
 
 def _units(names: list[str], path: Path) -> tuple[float, float]:
-    """What brings the two columns to mm and N. Raises OutputError: a unit that is not known."""
+    """What brings the two columns to mm and N.
+
+    Raises:
+        OutputError: a unit that is not known.
+    """
     scales = []
     for name, known in zip(names[:2], (LENGTHS, FORCES), strict=False):
         found = UNIT.search(name)

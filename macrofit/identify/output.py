@@ -1,4 +1,4 @@
-"""The files of an identification: its numbers, the two curves, a figure; and its closing words."""
+"""The files of an identification: its numbers, the two curves, a figure; and its summary in lines."""
 
 from __future__ import annotations
 
@@ -35,7 +35,11 @@ def carry_out_identification(
     bounds: tuple[float, float] | None,
     quiet: bool,
 ) -> list[str]:
-    """Identify, write into ``folder``, give the closing words (rank 0). Collective; raises MacrofitError."""
+    """Identify, write into ``folder``, and give the summary lines (rank 0). Collective.
+
+    Raises:
+        MacrofitError: on all ranks together.
+    """
     with raise_together(comm):
         measured = read_measured(curve)
         if comm.rank == 0:
@@ -54,7 +58,11 @@ def carry_out_identification(
 
 
 def write_identification(folder: Path, found: Identification, curve: str) -> list[str]:
-    """identification.json, identified_curve.csv and the figure. Raises OutputError."""
+    """Write identification.json, identified_curve.csv and the figure; gives the summary lines.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
     fit = found.fit
     rows = np.column_stack([found.displacement, found.measured, fit.fitted, fit.residual])
     text = "\n".join(",".join(repr(float(value)) for value in row) for row in rows)

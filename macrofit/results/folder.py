@@ -39,7 +39,8 @@ UNITS = {
 def prepare(folder: Path, *, owned: bool) -> None:
     """Make the folder and make sure it can be written to.
 
-    Raises OutputError: it is not writable; or it is not empty and, not ``owned``, holds no run of macrofit.
+    Raises:
+        OutputError: it is not writable; or it is not empty and, not ``owned``, holds no run of macrofit.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -110,7 +111,8 @@ def _row(record: Increment) -> str:
 def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     """Displacement [mm] and force [N] from the fitting curve of a folder, or from such a file itself.
 
-    Raises OutputError when there is none or it is not one of macrofit.
+    Raises:
+        OutputError: there is none or it is not one of macrofit.
     """
     path = folder / CURVE if folder.is_dir() else folder
     try:

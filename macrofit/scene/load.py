@@ -33,7 +33,10 @@ def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | 
 
     A ``preset`` (see `presets`), which an override ``preset=name`` names too, scales the mesh sizes that the scene has
     before any override changes them. Another friction provider starts without the options of the one it replaces,
-    wherever in the order it is named. Raises SceneError with one line that names the key.
+    wherever in the order it is named.
+
+    Raises:
+        SceneError: one line that names the key.
     """
     with errors_as(SceneError):
         raw, folder = _read(source)

@@ -17,7 +17,8 @@ def refined(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
 
     Discs keep one size all along the line: their whole contact line may be an arc.
 
-    Raises SceneError where there is no such preset, or nothing it could do because the meshes come from files.
+    Raises:
+        SceneError: no such preset, or nothing it could do because the meshes come from files.
     """
     if name not in PRESETS:
         raise SceneError(f"no preset '{name}'; there are {', '.join(PRESETS)}")

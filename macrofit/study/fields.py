@@ -46,10 +46,10 @@ def load_fields(folder: Path, run: PlannedRun) -> dict[float, dict[str, BodyFiel
             number = name.partition("/")[0]
             fields[float(arrays[name])] = {
                 body: BodyField(
-                    *(
-                        arrays[f"{number}/{body}/{part}"]
+                    **{
+                        part: arrays[f"{number}/{body}/{part}"]
                         for part in ("points", "cells", "displacement", "stress", "von_mises")
-                    )
+                    }
                 )
                 for body in BODIES
             }

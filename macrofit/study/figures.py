@@ -27,7 +27,11 @@ GREY = "#5F6B76"
 
 
 def write_study_figures(folder: Path, plan: Plan, records: Sequence[RunRecord]) -> list[Path]:
-    """Every figure the study has data for. Raises OutputError when one cannot be written."""
+    """Write every figure the study has data for.
+
+    Raises:
+        OutputError: one cannot be written.
+    """
     drawn = {"fitting_curves.png": fitting_curves(plan, records)}
     if len(varied(plan, records)) >= MANY:
         drawn["distributions.png"] = distributions(plan, records)

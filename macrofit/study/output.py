@@ -30,7 +30,8 @@ SAY_EVERY_S = 2.0
 def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
     """Make the folder ready; with ``resume`` the finished runs in it count.
 
-    Raises OutputError: it holds something else, or unfinished runs of this study that ``resume`` would use.
+    Raises:
+        OutputError: it holds something else, or unfinished runs of this study that ``resume`` would use.
     """
     path = folder / STUDY_FILE
     owned = is_study(path)
@@ -67,7 +68,7 @@ def write_study(
     computed: int,
     costs: Sequence[tuple[int, int, float]],
 ) -> list[str]:
-    """Write study.csv, curves.csv, study.json and the figures; gives the closing words.
+    """Write study.csv, curves.csv, study.json and the figures; gives the summary lines.
 
     costs: per rank, factorisations of bodies, assemblies and their CPU time [s], of this session alone.
     """

@@ -27,7 +27,7 @@ RANGE = re.compile(r"\s*(-?\d+):(-?\d+)(?::(\d+))?\s*")
 BRACKETS = {"[": 1, "{": 1, "(": 1, "]": -1, "}": -1, ")": -1}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlannedRun:
     """One run of a study."""
 
@@ -43,7 +43,7 @@ class PlannedRun:
         return f"run {self.number} ({self.label})" if self.label else f"run {self.number}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """All runs of a study: the references first, then the product of the values, the last key varying fastest."""
 
@@ -95,7 +95,7 @@ def plan_study(
         own = [f"{key}={value}" for key, value in chosen.items()]
         runs.append(_planned(len(runs) + 1, label, chosen, (source, [*common, *own]), script))
     _no_twins(runs)
-    return Plan(str(source), load_scene(source, common).title, keys, tuple(runs), script)
+    return Plan(source=str(source), title=load_scene(source, common).title, keys=keys, runs=tuple(runs), script=script)
 
 
 def _varied_keys(varied: Sequence[tuple[str, list[str]]]) -> tuple[str, ...]:
@@ -111,7 +111,11 @@ def _varied_keys(varied: Sequence[tuple[str, list[str]]]) -> tuple[str, ...]:
 
 
 def parse_vary(text: str) -> tuple[str, list[str]]:
-    """Key and values of "key=v1,v2,...". Raises SceneError."""
+    """Key and values of "key=v1,v2,...".
+
+    Raises:
+        SceneError: it is written otherwise.
+    """
     key, equals, listed = text.partition("=")
     key = key.strip()
     if not equals or not key:
@@ -132,7 +136,11 @@ def parse_vary(text: str) -> tuple[str, list[str]]:
 
 
 def reference_overrides(text: str) -> tuple[str, list[str]]:
-    """Label and overrides of a reference: "uniform=0.11", or "key=value,..." as for --set. Raises SceneError."""
+    """Label and overrides of a reference: "uniform=0.11", or "key=value,..." as for --set.
+
+    Raises:
+        SceneError: it is written otherwise.
+    """
     name, equals, value = text.partition("=")
     if not equals or not name.strip() or not value.strip():
         raise SceneError(f"--reference '{text}': write uniform=0.11, or key=value,key=value,... as for --set")
@@ -193,7 +201,7 @@ def _planned(
         if script is None and "unknown option of friction provider" in str(error):
             hint = "; another provider is chosen with --set friction.provider=NAME"
         raise type(error)(f"{what}{error}{hint}") from error
-    return PlannedRun(number, label, values, scene, stated)
+    return PlannedRun(number=number, label=label, values=values, scene=scene, digest=stated)
 
 
 def _try_friction(scene: Scene, script: ScriptFriction | None) -> None:

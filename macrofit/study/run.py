@@ -26,7 +26,7 @@ from .record import RunRecord, StudyFile
 
 
 def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, keep: bool, quiet: bool) -> list[str]:
-    """Compute the runs of a study that ``folder`` does not hold yet, write everything, give the closing words (rank 0).
+    """Compute the runs of a study that ``folder`` does not hold yet, write everything, give the summary lines (rank 0).
 
     Every rank computes whole runs alone, so that the results do not depend on their number. ``keep`` writes the
     folder of each run, as `macrofit run` does. Collective.

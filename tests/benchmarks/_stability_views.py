@@ -153,7 +153,13 @@ def _moments(run: Run, taken: Taken, bulk: dict[str, FloatArray]) -> Moments | N
     moved = state.displacement - before.displacement
     old = covered.seat_moments(before.seat_displacement) - whole.bore_moments(before.bore_displacement)
     slip = moved * covered.normals[:, 0] + old[1] + before.held[whole.portions.facet].ravel()
-    contact = ContactProblem(covered, whole, np.stack([whole.gap, slip]), seat.line.radial, seat.nitsche)
+    contact = ContactProblem(
+        covered=covered,
+        coupling=whole,
+        approach=np.stack([whole.gap, slip]),
+        radial=seat.line.radial,
+        nitsche=seat.nitsche,
+    )
     traction, kind, used = _spread(run, taken.step, covered)
     trace = {name: bulk[name][body.trace_dofs] for name, body in run.assembly.bodies.items()}
     own = trace["axle"].reshape(2, -1)[:, : seat.loaded].ravel()

@@ -364,12 +364,19 @@ def test_curves_of_several_folders_in_one_figure(tmp_path):
 def with_pairs(uncertainty: float = 0.005, lasting: bool = True):
     """The fake run with pairs of tiles of 1 mm: those that seat (from -5 mm) and bore (20 mm) face up to 18 mm."""
     solution = fake_solution()
-    tiling = Tiling(1.0, -5.0, 25, (-20.0, 0.0), 20, True)
+    tiling = Tiling(size=1.0, seat_origin=-5.0, seat_tiles=25, bore_ends=(-20.0, 0.0), bore_tiles=20, radial=True)
     seat, bore = (axis.ravel() for axis in np.mgrid[0:25, 0:20])
     met = seat + bore < 23
     values = 0.05 + 0.002 * seat[met] + 0.001 * bore[met]
-    known = (seat[met], bore[met], values, np.full(values.size, uncertainty))
-    return dataclasses.replace(solution, friction=PairFrictionMap(tiling, *known, lasting))
+    friction = PairFrictionMap(
+        tiling=tiling,
+        seat=seat[met],
+        bore=bore[met],
+        coefficient=values,
+        uncertainty=np.full(values.size, uncertainty),
+        lasting=lasting,
+    )
+    return dataclasses.replace(solution, friction=friction)
 
 
 @pytest.mark.parametrize("solution", [with_pairs(), with_pairs(np.nan), with_pairs(lasting=False)])
