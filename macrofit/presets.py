@@ -25,9 +25,9 @@ class Preset(NamedTuple):
 
 
 PRESETS = {
-    "fast": Preset(3.0, 1.0, 1.0, 8e-4, 12e-3, 0.8),
-    "balanced": Preset(1.0, 0.5, 1.0, 2e-4, 4e-3, 2.3),
-    "accurate": Preset(0.5, 0.25, 0.5, 4e-5, 5e-3, 9.3),
+    "fast": Preset(facet=3.0, corner=1.0, growth=1.0, force_error=8e-4, stress_error=12e-3, cpu_s=0.8),
+    "balanced": Preset(facet=1.0, corner=0.5, growth=1.0, force_error=2e-4, stress_error=4e-3, cpu_s=2.3),
+    "accurate": Preset(facet=0.5, corner=0.25, growth=0.5, force_error=4e-5, stress_error=5e-3, cpu_s=9.3),
 }
 
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from .settings import Settings
 
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
-"""Of the figures of a calibration [-]."""
+"""Radius ratios in the figures of a calibration [-]."""
 MODULI = (0.5, 1.0, 1.5, 2.0)
-"""Of the figures of a calibration, over the modulus found [-]."""
+"""Moduli of the beams in the figures of a calibration, over the modulus found [-]."""
 LIGHT_CUBE = 1000
 """Spheres, at most, in the cube that is pulled for these figures: 32 pairs of parameters take some seconds."""
 

@@ -12,7 +12,7 @@ from macrofit.base.steel import DENSITY
 from .errors import SettingsError
 
 ExternalModulus = Literal["series", "paper"]
-"""Of the bars behind a plate: see `meso.lattice.lattice.build`."""
+"""Modulus of the bars behind a plate: see `meso.lattice.lattice.build`."""
 ExternalFace = Literal["solid", "beams"]
 """How they resist shear: see `meso.lattice.lattice.build`."""
 
@@ -41,7 +41,7 @@ class Beams(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """
 
     youngs_modulus: float
-    """E_mu [MPa]."""
+    """Young's modulus of the beams E_mu [MPa]."""
     radius_ratio: float
     """r~ = beam radius over the mean radius of the two spheres [-]."""
     poisson_ratio: float = 0.3

@@ -17,7 +17,7 @@ from ..solution import Extreme, Solution
 MAGIC = b"macrofit study 2\n"
 
 
-class RunRecord(msgspec.Struct, frozen=True):
+class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """A finished run: its curve and its largest values."""
 
     digest: str
@@ -33,14 +33,14 @@ class RunRecord(msgspec.Struct, frozen=True):
     def of(digest: str, solution: Solution, cpu_s: float) -> RunRecord:
         """What is kept of a solution."""
         return RunRecord(
-            digest,
-            solution.displacement.tolist(),
-            solution.force.tolist(),
-            dict(solution.max_von_mises),
-            dict(solution.counters),
-            sum(record.cutbacks for record in solution.increments),
-            sum(not record.converged for record in solution.increments),
-            cpu_s,
+            digest=digest,
+            displacement_mm=solution.displacement.tolist(),
+            force_N=solution.force.tolist(),
+            max_von_mises=dict(solution.max_von_mises),
+            counters=dict(solution.counters),
+            cutbacks=sum(record.cutbacks for record in solution.increments),
+            unconverged=sum(not record.converged for record in solution.increments),
+            cpu_s=cpu_s,
         )
 
     @property
