@@ -131,12 +131,24 @@ def test_another_release_that_has_everything_goes_on(make: Make) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_an_empty_system_is_for_root(tmp_path: Path) -> None:
-    (tmp_path / "id").write_text("#!/bin/sh\necho 1000\n")
-    (tmp_path / "id").chmod(0o755)
+@pytest.mark.parametrize(
+    ("played", "remedy"),
+    [
+        ({"id": "echo 1000"}, "only root can make a system: type sudo tests/fresh"),
+        ({"unshare": "exit 1"}, "no mounts of its own are allowed here: try a machine that is no container"),
+        ({"df": "echo Avail; echo 7000000"}, "/var/tmp has less than 8 GB free: set TMPDIR to a folder with more"),
+    ],
+)
+def test_a_machine_that_cannot_make_an_empty_system_says_why(
+    tmp_path: Path, played: dict[str, str], remedy: str
+) -> None:
+    for name, script in ({"id": "echo 0", "unshare": "", "df": "exit 1", "debootstrap": "exit 1"} | played).items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{script}\n")
+        (tmp_path / name).chmod(0o755)
+    environment = {name: value for name, value in os.environ.items() if name != "TMPDIR"}
     done = subprocess.run(
-        [ROOT / "tests" / "fresh"], env=os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        [ROOT / "tests" / "fresh"], env=environment | {"PATH": f"{tmp_path}:{os.environ['PATH']}"},
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
     )  # fmt: skip
     assert done.returncode == 77
-    assert done.stderr == "tests/fresh: only root can make a system: type sudo tests/fresh\n"
+    assert done.stderr == f"tests/fresh: {remedy}\n"
