@@ -188,11 +188,9 @@ def identify(
 ) -> Identification:
     """Find the value of a key for which the scene's fitting curve is nearest to the measured one. Collective.
 
-    Between increments the computed curve is linear.
-
     Args:
         source: a built-in scene or a TOML file.
-        measured: the curve, whose points outside the scene's displacements are left out.
+        measured: the curve; points outside the scene's displacements are left out, the computed one is linear between.
         overrides: "key=value" each.
         key: any number of the scene, dotted; by default friction.options.coefficient for a uniform coefficient,
             friction.options.micro_friction otherwise.
