@@ -62,7 +62,7 @@ def stages(scene: Scene) -> list[Cost]:
         "inverse": (Body, "_definite", lambda arguments, _: float(len(arguments[1]))),
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
-        "pair": (press, "pair"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
+        "pair": (press, "couple_lines"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
         "respond": (Condensed, "respond", moments), "lu": (sla, "lu_factor", size),
         "matrix": (CondensedProblem, "matrix"), "vector": (condensed, "_product", vector),
         "newton": (press, "newton"), "trial": (Press, "trial"),
