@@ -15,7 +15,7 @@ class PairFriction(NamedTuple):
     """The friction of n pairs of tiles: two arrays of shape (n,)."""
 
     coefficient: FloatArray
-    """mu [-]."""
+    """Coefficient of friction mu of each pair [-]."""
     uncertainty: FloatArray
     """Its standard deviation [-]; NaN where the provider states none."""
 

@@ -87,9 +87,9 @@ class BuildContext(msgspec.Struct, frozen=True, kw_only=True):
     seat_origin: float = 0.0
     """Where seat tile 0 starts [mm], on the coordinate that is 0 at the entrance of the seat; below 0 on a taper."""
     youngs_modulus: float
-    """Of the axle [MPa]."""
+    """Young's modulus of the axle [MPa]."""
     poisson_ratio: float
-    """Of the axle [-]."""
+    """Poisson ratio of the axle [-]."""
     cache_dir: str | None = None
     """Folder where a provider may keep what was costly to compute; None: keep nothing."""
 

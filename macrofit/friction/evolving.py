@@ -53,7 +53,7 @@ class Evolving(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     base: str
     """Name of the other provider, one that depends on tiles at most."""
     options: dict[str, Any] = {}
-    """Its options."""
+    """Options of the provider that is wrapped."""
     flat_coefficient: float
     """mu_flat, of the smoothed faces [-]."""
     work: float | None = None

@@ -19,7 +19,7 @@ class Uniform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     coefficient: float = 0.11
-    """mu [-]."""
+    """Coefficient of friction mu [-]."""
 
     depends_on: ClassVar[frozenset[str]] = frozenset()
 
