@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from macrofit.base.keys import Keys, Positive, told
 from macrofit.base.material import ElasticMaterial
 from macrofit.base.steel import DENSITY
 
@@ -24,7 +25,7 @@ class Material(ElasticMaterial, frozen=True):
         SettingsError: a modulus or density that is not positive, a Poisson ratio outside -1 ... 0.5.
     """
 
-    density: Annotated[float, msgspec.Meta(description="Density rho [t/mm3]", gt=0.0, le=10.0)] = DENSITY
+    density: Annotated[Positive, told("Density rho [t/mm3]."), msgspec.Meta(le=10.0)] = DENSITY
 
     def __post_init__(self) -> None:
         if not (1.0 <= self.youngs_modulus <= 1e8 and 0.0 < self.density <= 10.0):
@@ -33,19 +34,19 @@ class Material(ElasticMaterial, frozen=True):
             raise SettingsError(f"material: poisson_ratio = {self.poisson_ratio} is not in -1 ... 0.5")
 
 
-class Beams(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Beams(Keys, frozen=True):
     """Microscopic parameters: the beams between the spheres, found by calibration (`meso.calibrate`).
 
     Raises:
         SettingsError: a modulus or radius ratio that is not positive, a Poisson ratio outside -1 ... 0.5.
     """
 
-    youngs_modulus: float
-    """Young's modulus of the beams E_mu [MPa]."""
-    radius_ratio: float
-    """r~ = beam radius over the mean radius of the two spheres [-]."""
-    poisson_ratio: float = 0.3
-    """nu_mu [-]; hardly matters, the beams twist little."""
+    youngs_modulus: Annotated[Positive, told("Young's modulus of the beams E_mu [MPa].")]
+    radius_ratio: Annotated[Positive, told("r~, radius of a beam over the mean radius of its two spheres [-].")]
+    poisson_ratio: Annotated[
+        float, told("Poisson ratio of the beams nu_mu [-]; hardly matters, they twist little."),
+        msgspec.Meta(gt=-1.0, lt=0.5),
+    ] = 0.3  # fmt: skip
 
     def __post_init__(self) -> None:
         if not (0.0 < self.youngs_modulus < float("inf") and 0.0 < self.radius_ratio < float("inf")):

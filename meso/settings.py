@@ -1,4 +1,4 @@
-"""What a friction test needs to know: every key with its default and unit; the only reader of TOML in the package.
+"""What a friction test needs to know: every key with its default, meaning, unit and bounds.
 
 Lengths in mm, forces in N, moduli and pressures in MPa, speeds in mm/s.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_override, unknown_key
+from macrofit.base.keys import KeyMistake, Keys, Positive, decode_tables, told
+from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_override
 
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material
@@ -20,48 +21,44 @@ from .material import Beams, ExternalFace, ExternalModulus, Material
 EngineName = Literal["auto", "quasi-static", "explicit"]
 
 
-class Keys(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of every table: frozen, and an unknown key is an error."""
+Seed: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+Height: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Coefficient: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
 
 
 class SurfaceKeys(Keys, frozen=True):
     """Both rough faces; the two differ by their seeds."""
 
-    wheel_seed: int = 1
-    axle_seed: int = 2
-    generator: Literal["diamond_square", "self_affine"] = "diamond_square"
-    levels: int = 3  # n: 2^n + 1 points along 1 mm
-    max_height: float = 0.02  # R: corners and noise of Diamond-Square lie in [-R/2, R/2]
-    rms_height: float = 0.0016  # of the self-affine generator
-    hurst_exponent: float = 0.8
-
-    def check(self) -> None:
-        """Raise SettingsError for a value out of bounds."""
-        _between("surface.levels", self.levels, 1, 10)
-        _between("surface.max_height", self.max_height, 0.0, 1.0)
-        _between("surface.rms_height", self.rms_height, 0.0, 1.0)
-        _between("surface.hurst_exponent", self.hurst_exponent, 0.0, 1.0)
-        for name in ("wheel_seed", "axle_seed"):
-            _between(f"surface.{name}", getattr(self, name), 0, 2**32 - 1)
+    wheel_seed: Annotated[Seed, told("Seed of the random heights of the wheel's face.")] = 1
+    axle_seed: Annotated[Seed, told("Seed of the random heights of the axle's face.")] = 2
+    generator: Annotated[
+        Literal["diamond_square", "self_affine"], told("How the heights are made: Diamond-Square, or from a spectrum.")
+    ] = "diamond_square"
+    levels: Annotated[int, told("Subdivisions n: 2^n + 1 points along 1 mm [-]."), msgspec.Meta(ge=1, le=10)] = 3
+    max_height: Annotated[Height, told("Range R: corners and noise of Diamond-Square lie in [-R/2, R/2] [mm].")] = 0.02
+    rms_height: Annotated[Height, told("Root mean square height Sq of the self-affine generator [mm].")] = 0.0016
+    hurst_exponent: Annotated[
+        float, told("Hurst exponent, from 0 (rough) to 1 (smooth) [-]."), msgspec.Meta(ge=0.0, le=1.0)
+    ] = 0.8
 
 
 class PlateKeys(Keys, frozen=True):
     """The wheel's plate is edge x edge x thickness, the axle's longer by the slide."""
 
-    spheres: int = 3000  # of both plates together
-    thickness: float = 0.3  # H
-    edge: float = 1.0  # of the apparent area of contact
-    cube: float = 1.0  # L: plate and external face together stand for a solid of this height
-    packing_seed: int = 0
-    external_face: ExternalFace = "solid"
-    external_modulus: ExternalModulus = "series"
+    spheres: Annotated[int, told("Spheres of both plates together [-]."), msgspec.Meta(ge=1, le=1_000_000)] = 3000
+    thickness: Annotated[Positive, told("Thickness H of a plate [mm].")] = 0.3
+    edge: Annotated[Positive, told("Edge of the apparent area of contact [mm].")] = 1.0
+    cube: Annotated[Positive, told("Height L of the solid that plate and external face together stand for [mm].")] = 1.0
+    packing_seed: Annotated[Seed, told("Seed of the packings of both plates.")] = 0
+    external_face: Annotated[ExternalFace, told("How the bars behind a plate resist shear.")] = "solid"
+    external_modulus: Annotated[ExternalModulus, told("Modulus of the bars behind a plate.")] = "series"
 
     def check(self) -> None:
-        """Raise SettingsError for a value out of bounds."""
-        _between("plates.spheres", self.spheres, 1, 1_000_000)
-        _between("plates.packing_seed", self.packing_seed, 0, 2**32 - 1)
-        for name in ("thickness", "edge", "cube"):
-            _positive(f"plates.{name}", getattr(self, name))
+        """Check what one key alone cannot say.
+
+        Raises:
+            SettingsError: the plate is thicker than the solid it is a part of.
+        """
         if self.cube <= self.thickness:
             raise SettingsError(
                 f"plates.cube = {self.cube:g} mm must be larger than plates.thickness = {self.thickness:g} mm"
@@ -71,95 +68,101 @@ class PlateKeys(Keys, frozen=True):
 class ContactKeys(Keys, frozen=True):
     """Sphere on sphere, between the plates: k_n = normal_stiffness E_M (r_i + r_j)/2, k_t = tangential_ratio k_n."""
 
-    micro_friction: float | tuple[float, ...] = 0.07
-    normal_stiffness: float = 1.0
-    tangential_ratio: float = 0.8
+    micro_friction: Annotated[
+        Coefficient | Annotated[tuple[Coefficient, ...], msgspec.Meta(min_length=1)],
+        told("Coefficient of friction of sphere on sphere, or several [-]."),
+    ] = 0.07
+    normal_stiffness: Annotated[
+        float, told("Normal stiffness of a contact over E_M (r_i + r_j)/2 [-]."), msgspec.Meta(ge=0.02, le=100.0)
+    ] = 1.0
+    tangential_ratio: Annotated[
+        float, told("Tangential over normal stiffness of a contact [-]."), msgspec.Meta(ge=0.01, le=100.0)
+    ] = 0.8
 
     @property
     def coefficients(self) -> tuple[float, ...]:
         """The micro coefficients asked for."""
         return self.micro_friction if isinstance(self.micro_friction, tuple) else (self.micro_friction,)
 
-    def check(self) -> None:
-        """Raise SettingsError for a value out of bounds."""
-        if not self.coefficients:
-            raise SettingsError("contact.micro_friction is empty: give one number, or a list")
-        for mu in self.coefficients:
-            _between("contact.micro_friction", mu, 0.0, 2.0)
-        _between("contact.normal_stiffness", self.normal_stiffness, 0.02, 100.0)
-        _between("contact.tangential_ratio", self.tangential_ratio, 0.01, 100.0)
-
 
 class LoadKeys(Keys, frozen=True):
     """Squeeze to a nominal pressure or by an interference, then slide."""
 
-    pressure: float = 170.0  # N over the apparent area at the end of the squeeze
-    interference: float | None = None  # approach after the first touch, instead of the pressure
-    slide: float = 1.0
-    control: Literal["displacement", "force"] = "displacement"  # what is held while sliding
+    pressure: Annotated[
+        float, told("Normal force over the apparent area at the end of the squeeze [MPa]."),
+        msgspec.Meta(ge=1e-3, le=5000.0),
+    ] = 170.0  # fmt: skip
+    interference: Annotated[Positive | None, told("Approach after the first touch, instead of the pressure [mm].")] = (
+        None
+    )
+    slide: Annotated[float, told("Length of the slide [mm]."), msgspec.Meta(ge=1e-3, le=100.0)] = 1.0
+    control: Annotated[Literal["displacement", "force"], told("What is held while sliding.")] = "displacement"
 
     def check(self) -> None:
-        """Raise SettingsError for a value out of bounds."""
-        _between("load.pressure", self.pressure, 1e-3, 5000.0)
-        _between("load.slide", self.slide, 1e-3, 100.0)
-        if self.interference is not None:
-            _positive("load.interference", self.interference)
-            if self.control == "force":
-                raise SettingsError("load.interference is not used where load.control = 'force': leave it out")
+        """Check what one key alone cannot say.
+
+        Raises:
+            SettingsError: an interference where the force is held.
+        """
+        if self.interference is not None and self.control == "force":
+            raise SettingsError("load.interference is not used where load.control = 'force': leave it out")
 
 
 class EngineKeys(Keys, frozen=True):
     """How the slide is computed."""
 
-    name: EngineName = "auto"
-    samples: int = 250  # rows of the curve
-    increment: float = 0.004  # quasi-static: largest slide per increment
-    tolerance: float = 1e-3  # quasi-static: residual over the largest contact force
-    speed: float = 20_000.0  # explicit: of the slide
-    approach_speed: float = 2_000.0  # explicit: of the squeeze
-    damping_length: float = 0.08  # explicit: the slide's rate of damping is speed over this length
-    squeeze_damping: float = 6e6  # explicit: rate during the squeeze [1/s]
-    safety: float = 0.9  # explicit: time step over the critical one
-    time_step: float | None = None  # explicit, and asks for it: instead of safety [s]; above the limit it is refused
-    breakage: Breakage | None = None
+    name: Annotated[EngineName, told("Quasi-static increments, explicit time steps, or what suits the keys.")] = "auto"
+    samples: Annotated[int, told("Rows of the curve [-]."), msgspec.Meta(ge=10, le=1_000_000)] = 250
+    increment: Annotated[
+        float, told("Quasi-static: largest slide per increment [mm]."), msgspec.Meta(ge=1e-5, le=0.1)
+    ] = 0.004
+    tolerance: Annotated[
+        float, told("Quasi-static: residual over the largest contact force [-]."), msgspec.Meta(ge=1e-9, le=0.05)
+    ] = 1e-3
+    speed: Annotated[Positive, told("Explicit: speed of the slide [mm/s].")] = 20_000.0
+    approach_speed: Annotated[Positive, told("Explicit: speed of the squeeze [mm/s].")] = 2_000.0
+    damping_length: Annotated[
+        Positive, told("Explicit: the slide's rate of damping is the speed over this length [mm].")
+    ] = 0.08
+    squeeze_damping: Annotated[Positive, told("Explicit: rate of damping during the squeeze [1/s].")] = 6e6
+    safety: Annotated[float, told("Explicit: time step over the critical one [-]."), msgspec.Meta(ge=1e-3, le=1.0)] = (
+        0.9
+    )
+    time_step: Annotated[
+        Positive | None, told("Explicit, and asks for it: time step instead of safety [s]; refused above the limit.")
+    ] = None
+    breakage: Annotated[Breakage | None, told("Strengths of the beams; left out: no beam breaks.")] = None
 
     def check(self) -> None:
-        """Raise SettingsError for a value out of bounds."""
-        _between("engine.samples", self.samples, 10, 1_000_000)
-        _between("engine.increment", self.increment, 1e-5, 0.1)
-        _between("engine.tolerance", self.tolerance, 1e-9, 0.05)
-        for name in ("speed", "approach_speed", "damping_length", "squeeze_damping"):
-            _positive(f"engine.{name}", getattr(self, name))
-        _between("engine.safety", self.safety, 1e-3, 1.0)
-        if self.time_step is not None:
-            _positive("engine.time_step", self.time_step)
-            if self.name == "quasi-static":
-                raise SettingsError("engine.time_step asks for engine.name = 'explicit' (or 'auto')")
-        if self.breakage is not None:
-            _positive("engine.breakage.tensile_strength", self.breakage.tensile_strength)
-            _positive("engine.breakage.shear_strength", self.breakage.shear_strength)
-            if self.name == "quasi-static":
-                raise SettingsError("engine.breakage asks for engine.name = 'explicit' (or 'auto')")
+        """Check what one key alone cannot say.
+
+        Raises:
+            SettingsError: a key of the explicit engine where the quasi-static one is asked for.
+        """
+        if self.name == "quasi-static":
+            for key in ("time_step", "breakage"):
+                if getattr(self, key) is not None:
+                    raise SettingsError(f"engine.{key} asks for engine.name = 'explicit' (or 'auto')")
 
 
 class Breakage(Keys, frozen=True):
-    """Beams break where their largest stress passes a strength; both are microscopic [MPa]."""
+    """Beams break where their largest stress passes a strength; both are microscopic."""
 
-    tensile_strength: float
-    shear_strength: float
+    tensile_strength: Annotated[Positive, told("Tensile strength of a beam [MPa].")]
+    shear_strength: Annotated[Positive, told("Shear strength of a beam [MPa].")]
 
 
 class Settings(Keys, frozen=True):
     """Everything a friction test depends on."""
 
-    title: str = "Two rough plates"
-    surface: SurfaceKeys = SurfaceKeys()
-    plates: PlateKeys = PlateKeys()
-    material: Material = Material()
-    beams: Beams | None = None  # None: those of the stored calibration
-    contact: ContactKeys = ContactKeys()
-    load: LoadKeys = LoadKeys()
-    engine: EngineKeys = EngineKeys()
+    title: Annotated[str, told("Title, for summary and figures.")] = "Two rough plates"
+    surface: Annotated[SurfaceKeys, told("Both rough faces.")] = SurfaceKeys()
+    plates: Annotated[PlateKeys, told("Size and packing of the plates.")] = PlateKeys()
+    material: Annotated[Material, told("Elastic solid that the plates stand for.")] = Material()
+    beams: Annotated[Beams | None, told("Beams between the spheres; left out: of the stored calibration.")] = None
+    contact: Annotated[ContactKeys, told("Contact of sphere on sphere.")] = ContactKeys()
+    load: Annotated[LoadKeys, told("Squeeze and slide.")] = LoadKeys()
+    engine: Annotated[EngineKeys, told("How the slide is computed.")] = EngineKeys()
 
     def check(self) -> Settings:
         """Itself, when all its values and their combinations can be computed.
@@ -167,7 +170,7 @@ class Settings(Keys, frozen=True):
         Raises:
             SettingsError: naming the key, its value and what to take.
         """
-        for table in (self.surface, self.plates, self.contact, self.load, self.engine):
+        for table in (self.plates, self.load, self.engine):
             table.check()
         if self.load.interference is not None and self.load.interference > 0.3 * self.plates.thickness:
             raise SettingsError(
@@ -209,46 +212,12 @@ def decode(tables: Mapping[str, Any]) -> Settings:
         SettingsError: one line that names the key.
     """
     try:
-        settings = msgspec.convert(tables, Settings)
-    except msgspec.ValidationError as error:
-        raise SettingsError(_one_line(str(error))) from None
+        settings = decode_tables(tables, Settings, "settings")
+    except KeyMistake as error:
+        raise SettingsError(str(error)) from None
     return settings.check()
 
 
 def dump(settings: Settings) -> str:
     """The settings as TOML, every default written out."""
     return dump_toml(msgspec.to_builtins(settings))
-
-
-_TABLES: dict[str, type[msgspec.Struct]] = {
-    "": Settings,
-    "surface": SurfaceKeys,
-    "plates": PlateKeys,
-    "material": Material,
-    "beams": Beams,
-    "contact": ContactKeys,
-    "load": LoadKeys,
-    "engine": EngineKeys,
-    "engine.breakage": Breakage,
-}
-
-
-def _one_line(message: str) -> str:
-    """A decoding error as `table.key: what is wrong`, with the nearest key there is."""
-    text, _, path = message.partition(" - at `$")
-    table = path.rstrip("`").lstrip(".")
-    if "unknown field" in text:
-        unknown = text.split("`")[1]
-        known = list(_TABLES[table].__struct_fields__) if table in _TABLES else []
-        return unknown_key(".".join(filter(None, [table, unknown])), known)
-    return f"{table or 'settings'}: {text}"
-
-
-def _between(key: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise SettingsError(f"{key} = {value} is out of bounds: take {low:g} ... {high:g}")
-
-
-def _positive(key: str, value: float) -> None:
-    if not 0.0 < value < float("inf"):
-        raise SettingsError(f"{key} = {value} must be a number > 0")

@@ -199,10 +199,10 @@ def test_the_data_of_a_run(place):
     [
         (["run", "none.toml"], "none.toml: cannot be read"),
         (["run", "--set", "plates.spheers=3"], "plates.spheers: unknown key (did you mean 'spheres'?)\n"),
-        (["run", "--micro-friction", "nan"], "contact.micro_friction = nan is out of bounds"),
+        (["run", "--micro-friction", "nan"], "contact.micro_friction: nan is not a finite number"),
         (["run", "-o", "taken"], "taken: is not empty and holds no run of macrofit-meso"),
         (["run", "--set", "plates.spheres=10", "-o", "out"], "3 spheres of 480 um are too large"),
-        (["surface", "--levels", "20"], "surface.levels = 20 is out of bounds"),
+        (["surface", "--levels", "20"], "surface.levels: 20 must not exceed 10"),
         (["surface", "-o", "face.jpg"], "face.jpg: a surface is written as"),
         (["surface", "-o", "taken/notes.txt/face.png"], "taken/notes.txt/face.png: cannot be written"),
         (["sample", "-o", "plates.stl"], "plates.stl: spheres are written as .vtu or .vtk"),

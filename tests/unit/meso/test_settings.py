@@ -59,10 +59,10 @@ def test_the_rich_settings_are_what_was_asked_for():
             {"engine": {"breakage": {"tensile_strenght": 1.0, "shear_strength": 1.0}}},
             "engine.breakage.tensile_strenght: unknown key (did you mean 'tensile_strength'?)",
         ),
-        ({"contact": {"micro_friction": "slippery"}}, "contact.micro_friction: Expected "),
-        ({"engine": {"samples": 12.5}}, "engine.samples: Expected `int`"),
-        ({"engine": {"name": "magic"}}, "engine.name: Invalid enum value 'magic'"),
-        ({"plates": 3}, "plates: Expected "),
+        ({"contact": {"micro_friction": "slippery"}}, "contact.micro_friction: expected "),
+        ({"engine": {"samples": 12.5}}, "engine.samples: expected `int`"),
+        ({"engine": {"name": "magic"}}, "engine.name: invalid enum value 'magic'"),
+        ({"plates": 3}, "plates: expected "),
     ],
 )
 def test_a_wrong_key_or_type_is_named(tables, message):
