@@ -123,7 +123,7 @@ def dynamic_tensile_test(
     u, v, f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
     mesh = (lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist)
     for step in range(2 * steps):
-        kernels.move(u, v, f, *mesh, lattice.inverse, dt, 4.0 * np.pi * damping / period)
+        kernels.leapfrog_step(u, v, f, *mesh, lattice.inverse, dt, 4.0 * np.pi * damping / period)
         u[ends, axis] = min(1.0, (step + 1) / steps) * final
         v[ends, axis] = final / (steps * dt) if step < steps else 0.0
     kernels.beam_forces(u, f, *mesh)

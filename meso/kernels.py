@@ -9,9 +9,9 @@ rows, cols            half of the bonds in compressed rows: bond k of row i join
 beams   : (bonds, 6)  axis e from i to j (3), 1 / length, EA / l [N/mm], EI / l [N mm]
 anchored, anchors     nodes held by an external face (m,), and what holds each: stiffness along z and across [N/mm],
                       across to rotation [N], of rotation and of twist about z [N mm], (m, 5)
-pair    : (p, 2)      wheel node, axle node of an encounter
-apart   : (p, 3)      centre of the axle sphere minus that of the wheel sphere, before any motion [mm]
-law     : (p, 4)      radius of the wheel sphere, of the axle sphere [mm], k_n, k_t [N/mm]
+pair    : (p, 2)      wheel node, axle node of an candidate
+offset  : (p, 3)      centre of the axle sphere minus that of the wheel sphere, before any motion [mm]
+parameters : (p, 4)   of each contact, see the columns below
 history : (p, 9)      of the last state: tangential force on the wheel sphere [N], displacement of the wheel sphere
                       against the axle's [mm], r_i t_i + r_j t_j [mm]; history[p, 0] = inf where they were apart
 """
@@ -23,6 +23,19 @@ from numba import njit
 
 FAST = {"contract", "nsz"}
 """Fused multiply-add is allowed, reordering is not: the same bits every time."""
+
+WHEEL, AXLE = range(2)
+"""Columns of pair: the wheel's node, the axle's."""
+WHEEL_RADIUS, AXLE_RADIUS, NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = range(4)
+"""Columns of the contact parameters: radii of both spheres [mm], k_n, k_t [N/mm]."""
+PER_MASS, PER_INERTIA = range(2)
+"""Columns of inverse: 1/m [1/t], 1/I [1/(t mm2)]."""
+AXIS_X, AXIS_Y, AXIS_Z, PER_LENGTH, AXIAL, BENDING = range(6)
+"""Columns of beams: axis from i to j, 1/length [1/mm], EA/l [N/mm], EI/l [N mm]."""
+ALONG, ACROSS, COUPLING, ROTATION, TORSION = range(5)
+"""Columns of anchors: stiffness along z and across [N/mm], across to rotation [N], of rotation and twist [N mm]."""
+PER_AREA, PER_MODULUS, TENSILE_STRENGTH, SHEAR_STRENGTH = range(4)
+"""Columns of section: 1/S [1/mm2], r/I [1/mm3], strengths [MPa]."""
 
 
 @njit(cache=True, fastmath=FAST)
@@ -87,7 +100,13 @@ def anchor_forces(u, f, anchored, anchors):
     """
     for a in range(len(anchored)):
         i = anchored[a]
-        kn, ks, kc, kr, kt = anchors[a, 0], anchors[a, 1], anchors[a, 2], anchors[a, 3], anchors[a, 4]
+        kn, ks, kc, kr, kt = (
+            anchors[a, ALONG],
+            anchors[a, ACROSS],
+            anchors[a, COUPLING],
+            anchors[a, ROTATION],
+            anchors[a, TORSION],
+        )
         f[i, 0] -= ks * u[i, 0] + kc * u[i, 4]
         f[i, 1] -= ks * u[i, 1] - kc * u[i, 3]
         f[i, 2] -= kn * u[i, 2]
@@ -120,18 +139,23 @@ def beam_forces(u, f, rows, cols, beams, anchored, anchors, twist):
 
 
 @njit(cache=True, fastmath=FAST)
-def contact_forces(u, f, live, pair, apart, law, history, micro_friction, ox, oy, oz, total):
-    """Add the forces of the live encounters to f, move their history on, and sum.
+def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction, ox, oy, oz, total):
+    """Add the forces of the live candidates to f, move their history on, and sum.
 
     (ox, oy, oz) is how far the wheel has been carried [mm]. Adds to total[0:3] the force on the wheel [N] and to
     total[3] the work lost in friction [N mm].
     """
     for q in range(len(live)):
         p = live[q]
-        i, j = pair[p, 0], pair[p, 1]
+        i, j = pair[p, WHEEL], pair[p, AXLE]
         px, py, pz = ox + u[i, 0] - u[j, 0], oy + u[i, 1] - u[j, 1], oz + u[i, 2] - u[j, 2]
-        ri, rj, kn, kt = law[p, 0], law[p, 1], law[p, 2], law[p, 3]
-        nx, ny, nz, fn = touch(apart[p, 0] - px, apart[p, 1] - py, apart[p, 2] - pz, ri + rj, kn)
+        ri, rj, kn, kt = (
+            parameters[p, WHEEL_RADIUS],
+            parameters[p, AXLE_RADIUS],
+            parameters[p, NORMAL_STIFFNESS],
+            parameters[p, TANGENTIAL_STIFFNESS],
+        )
+        nx, ny, nz, fn = touch(offset[p, 0] - px, offset[p, 1] - py, offset[p, 2] - pz, ri + rj, kn)
         if fn <= 0.0:
             history[p, 0] = np.inf
             continue
@@ -172,7 +196,7 @@ def contact_forces(u, f, live, pair, apart, law, history, micro_friction, ox, oy
 
 
 @njit(cache=True, fastmath=FAST)
-def move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping):
+def leapfrog_step(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping):
     """Beam forces and one leapfrog step, in one pass over memory; f is left at zero; returns sum of m v^2 [N mm].
 
     v+ = ((1 - c dt/2) v- + dt f/m) / (1 + c dt/2), u+ = u + dt v+; inverse (n, 2) is 1/m and 1/I.
@@ -201,12 +225,14 @@ def move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damp
             f[j, 3] -= wx + hx
             f[j, 4] -= wy + hy
             f[j, 5] -= wz + hz
-        per_mass, per_inertia = push * inverse[i, 0], push * inverse[i, 1]
+        per_mass, per_inertia = push * inverse[i, PER_MASS], push * inverse[i, PER_INERTIA]
         v0, v1, v2 = keep * v[i, 0] + per_mass * f0, keep * v[i, 1] + per_mass * f1, keep * v[i, 2] + per_mass * f2
         v3 = keep * v[i, 3] + per_inertia * f3
         v4 = keep * v[i, 4] + per_inertia * f4
         v5 = keep * v[i, 5] + per_inertia * f5
-        twice_kinetic += (v0 * v0 + v1 * v1 + v2 * v2) / inverse[i, 0] + (v3 * v3 + v4 * v4 + v5 * v5) / inverse[i, 1]
+        twice_kinetic += (v0 * v0 + v1 * v1 + v2 * v2) / inverse[i, PER_MASS] + (v3 * v3 + v4 * v4 + v5 * v5) / inverse[
+            i, PER_INERTIA
+        ]
         v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = v0, v1, v2, v3, v4, v5
         u[i, 0] += dt * v0
         u[i, 1] += dt * v1
@@ -219,15 +245,15 @@ def move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damp
 
 
 @njit(cache=True, fastmath=FAST)
-def march(
+def run_leapfrog(
     u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping,
-    first, last, pair, apart, law, history, micro_friction, window, live,
+    first, last, pair, offset, parameters, history, micro_friction, window, live,
     drive, speed, target, carriage, steps, total,
 ):  # fmt: skip
-    """`steps` leapfrog steps of both plates while the wheel is carried along; returns the number of live encounters.
+    """`steps` leapfrog steps of both plates while the wheel is carried along; returns the number of live candidates.
 
     drive (3,): where the wheel is [mm], moved in place by speed (3,) [mm/s]. With target > 0 [N] the carriage falls
-    freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Encounters are sorted
+    freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Candidates are sorted
     by `first`, the slide at which they may begin; window (2,) holds the next one to begin and the number alive,
     `live` their numbers.
     total (7,): sums over the steps of the force on the wheel (3) [N], work lost in friction, in damping, work done
@@ -251,7 +277,18 @@ def march(
                 q += 1
         sums[:] = 0.0
         contact_forces(
-            u, f, live[: window[1]], pair, apart, law, history, micro_friction, drive[0], drive[1], drive[2], sums
+            u,
+            f,
+            live[: window[1]],
+            pair,
+            offset,
+            parameters,
+            history,
+            micro_friction,
+            drive[0],
+            drive[1],
+            drive[2],
+            sums,
         )
         if target > 0.0:
             speed[2] += dt * (sums[2] - target - carriage[1] * speed[2]) / carriage[0]
@@ -260,7 +297,7 @@ def march(
         total[2] += sums[2]
         total[3] += sums[3]
         total[5] -= dt * (sums[0] * speed[0] + sums[1] * speed[1] + sums[2] * speed[2])
-        twice_kinetic = move(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping)
+        twice_kinetic = leapfrog_step(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping)
         total[4] += dt * damping * twice_kinetic
         total[6] = twice_kinetic
     return window[1]
@@ -287,7 +324,7 @@ def first_touch(wheel, wheel_radii, axle, axle_radii, order, x):
 
 
 @njit(cache=True)
-def meetings(wheel, wheel_radii, axle, axle_radii, order, low, high, travel, margin):
+def find_candidates(wheel, wheel_radii, axle, axle_radii, order, low, high, travel, margin):
     """Pairs that may touch while the wheel is carried from x = 0 to `travel`, its height within low ... high [mm].
 
     Returns the pairs (p, 2) and the slides (p, 2) between which their gap may be below `margin` [mm].
@@ -329,7 +366,7 @@ def meetings(wheel, wheel_radii, axle, axle_radii, order, low, high, travel, mar
 
 
 @njit(cache=True, fastmath=FAST)
-def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, force, tangent, now):
+def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, parameters, old, micro_friction, force, tangent, now):
     """Force on the wheel sphere (3) of one contact and its tangent -dF/dw (3, 3); returns f_n and the work lost.
 
     d: wheel to axle centre; r = r_i t_i + r_j t_j; o: displacement of the wheel sphere against the axle's; w is the
@@ -337,10 +374,10 @@ def contact_law(dx, dy, dz, rx, ry, rz, ox, oy, oz, law, old, micro_friction, fo
     beside the slip mu f_n / k_t at which a contact yields. `old` and `now` are histories. Left out of the tangent: the
     turning of the normal, f_n/|d| against k_n.
     """
-    kn, kt = law[2], law[3]
+    kn, kt = parameters[2], parameters[3]
     distance = np.sqrt(dx * dx + dy * dy + dz * dz)
     nx, ny, nz = dx / distance, dy / distance, dz / distance
-    fn = max(0.0, kn * (law[0] + law[1] - distance))
+    fn = max(0.0, kn * (parameters[0] + parameters[1] - distance))
     now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7], now[8] = 0.0, 0.0, 0.0, ox, oy, oz, rx, ry, rz
     if old[0] == np.inf or (fn == 0.0 and old[0] == 0.0 and old[1] == 0.0 and old[2] == 0.0):
         sx, sy, sz = 0.0, 0.0, 0.0
@@ -425,8 +462,8 @@ def coupling(one, other, arm, other_arm, compliance, block):
 
 
 @njit(cache=True, fastmath=FAST)
-def load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua):
-    """Displacements uw, ua (n, 6) of the nodes of the near encounters under `forces` (p, 3); the elastic energy."""
+def load_plates(wheel, axle, near, pair, parameters, forces, normal, uw, ua):
+    """Displacements uw, ua (n, 6) of the nodes of the near candidates under `forces` (p, 3); the elastic energy."""
     loaded = np.empty(len(near), np.int64)
     count = 0
     for q in range(len(near)):
@@ -442,9 +479,12 @@ def load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua):
         moment = (n[1] * f[2] - n[2] * f[1], n[2] * f[0] - n[0] * f[2], n[0] * f[1] - n[1] * f[0])
         for a in range(3):
             wrench_w[k, a], wrench_a[k, a] = f[a], -f[a]
-            wrench_w[k, 3 + a], wrench_a[k, 3 + a] = law[p, 0] * moment[a], law[p, 1] * moment[a]
-    displacements(np.unique(pair[near, 0]), wheel, pair[loaded, 0], wrench_w, uw)
-    displacements(np.unique(pair[near, 1]), axle, pair[loaded, 1], wrench_a, ua)
+            wrench_w[k, 3 + a], wrench_a[k, 3 + a] = (
+                parameters[p, WHEEL_RADIUS] * moment[a],
+                parameters[p, AXLE_RADIUS] * moment[a],
+            )
+    displacements(np.unique(pair[near, WHEEL]), wheel, pair[loaded, WHEEL], wrench_w, uw)
+    displacements(np.unique(pair[near, AXLE]), axle, pair[loaded, AXLE], wrench_a, ua)
     energy = 0.0
     for k in range(count):
         for a in range(6):
@@ -453,8 +493,8 @@ def load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua):
 
 
 @njit(cache=True, fastmath=FAST)
-def newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step):
-    """Solve (1 - dlaw/dw W) step = law - forces over the touching encounters; returns the step in height.
+def newton_step(wheel, axle, touching, pair, parameters, normal, tangent, answer, forces, target, step):
+    """Solve (1 - dlaw/dw W) step = law - forces over the touching candidates; returns the step in height.
 
     W couples the contact points through both plates. With target > 0 the height is an unknown, and the sum of the
     vertical forces an equation.
@@ -467,7 +507,10 @@ def newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, force
     for a in range(m):
         p = touching[a]
         for c in range(3):
-            arms[a, 0, c], arms[a, 1, c] = law[p, 0] * normal[p, c], -law[p, 1] * normal[p, c]
+            arms[a, 0, c], arms[a, 1, c] = (
+                parameters[p, WHEEL_RADIUS] * normal[p, c],
+                -parameters[p, AXLE_RADIUS] * normal[p, c],
+            )
     for a in range(m):
         i, j = pair[touching[a]]
         for b in range(a, m):
@@ -509,14 +552,14 @@ def newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, force
 
 
 @njit(cache=True, fastmath=FAST)
-def settle(
-    wheel, axle, live, pair, apart, law, history, forces, micro_friction, drive, target,
+def solve_increment(
+    wheel, axle, live, pair, offset, parameters, history, forces, micro_friction, drive, target,
     iterations, tolerance, close, trial, normal, sums,
 ):  # fmt: skip
-    """One increment: forces (p, 3) of the live encounters in equilibrium with both plates at `drive` (3).
+    """One increment: forces (p, 3) of the live candidates in equilibrium with both plates at `drive` (3).
 
     wheel, axle: compliances (6 n, 6 n) in the nodes that `pair` numbers. Newton on R(F) = F - law(w(F)), the step
-    halved while the residual grows; with target > 0 [N] the height drive[2] is an unknown too. Encounters that are
+    halved while the residual grows; with target > 0 [N] the height drive[2] is an unknown too. Candidates that are
     farther apart than `close` [mm] after the first evaluation are left out of the others. The history moves on into
     `trial`; `normal` (p, 3) are those the forces act along.
     Returns iterations used, residual (largest |R|, or turn of a normal times the force, over the largest contact
@@ -530,16 +573,18 @@ def settle(
     height, height_step = drive[2], 0.0
     damped, previous, residual, largest, closing = False, np.inf, 0.0, 0.0, 0.0
     for p in live:
-        between = apart[p] - drive
+        between = offset[p] - drive
         if normal[p, 0] == 0.0 and normal[p, 1] == 0.0 and normal[p, 2] == 0.0:
             normal[p] = between / np.sqrt(np.sum(between * between))
     floor = 0.0  # of the force that residuals are compared to, where a contact has only just been made
     for p in live:
-        floor = max(floor, 1e-6 * law[p, 2] * (law[p, 0] + law[p, 1]))
+        floor = max(
+            floor, 1e-6 * parameters[p, NORMAL_STIFFNESS] * (parameters[p, WHEEL_RADIUS] + parameters[p, AXLE_RADIUS])
+        )
     near = live
     iteration = 0
     while True:
-        energy = load_plates(wheel, axle, near, pair, law, forces, normal, uw, ua)
+        energy = load_plates(wheel, axle, near, pair, parameters, forces, normal, uw, ua)
         residual, largest = 0.0, floor
         sums[:] = 0.0
         sums[4] = energy
@@ -547,15 +592,15 @@ def settle(
         touch_count, near_count = 0, 0
         for q in range(len(near)):
             p = near[q]
-            i, j = pair[p, 0], pair[p, 1]
-            ri, rj = law[p, 0], law[p, 1]
+            i, j = pair[p, WHEEL], pair[p, AXLE]
+            ri, rj = parameters[p, WHEEL_RADIUS], parameters[p, AXLE_RADIUS]
             ox, oy, oz = drive[0] + uw[i, 0] - ua[j, 0], drive[1] + uw[i, 1] - ua[j, 1], height + uw[i, 2] - ua[j, 2]
-            dx, dy, dz = apart[p, 0] - ox, apart[p, 1] - oy, apart[p, 2] - oz
+            dx, dy, dz = offset[p, 0] - ox, offset[p, 1] - oy, offset[p, 2] - oz
             tangent[p] = 0.0
             answer[p] = 0.0
             fn, lost = contact_law(
                 dx, dy, dz, ri * uw[i, 3] + rj * ua[j, 3], ri * uw[i, 4] + rj * ua[j, 4], ri * uw[i, 5] + rj * ua[j, 5],
-                ox, oy, oz, law[p], history[p], micro_friction, answer[p], tangent[p], trial[p],
+                ox, oy, oz, parameters[p], history[p], micro_friction, answer[p], tangent[p], trial[p],
             )  # fmt: skip
             size = np.sqrt(dx * dx + dy * dy + dz * dz)
             direction[0], direction[1], direction[2] = dx / size, dy / size, dz / size
@@ -578,7 +623,9 @@ def settle(
             if fn > 0.0:
                 largest = max(largest, fn)
                 square = trial[p, 0] ** 2 + trial[p, 1] ** 2 + trial[p, 2] ** 2
-                sums[5] += 0.5 * fn * fn / law[p, 2] + 0.5 * square / law[p, 3]
+                sums[5] += (
+                    0.5 * fn * fn / parameters[p, NORMAL_STIFFNESS] + 0.5 * square / parameters[p, TANGENTIAL_STIFFNESS]
+                )
         if target > 0.0:
             residual = max(residual, abs(target - sums[2]))
         if residual <= tolerance * largest or touch_count == 0 or iteration == iterations:
@@ -597,7 +644,9 @@ def settle(
         damped, previous = False, residual
         touching = touching[:touch_count]
         step[near] = 0.0
-        height_step = newton_step(wheel, axle, touching, pair, law, normal, tangent, answer, forces, target, step)
+        height_step = newton_step(
+            wheel, axle, touching, pair, parameters, normal, tangent, answer, forces, target, step
+        )
         height += height_step
         for p in touching:
             for a in range(3):
@@ -616,8 +665,8 @@ def settle(
 # mode    : (bonds,)    0 whole, 1 broken by tension and bending, 2 broken by shear and torsion
 # section : (bonds, 4)  1/S [1/mm2], r/I [1/mm3], tensile and shear strength [MPa]
 # grip    : (n,)        0 free, otherwise the number of the grip that moves the sphere at the velocity it has
-# near_*                pairs of loose spheres (they have lost a beam) and what is near them, in the layout of the
-#                       encounters; the first `within` of them lie in one plate, the rest join wheel to axle
+# near_*                pairs of detached spheres (they have lost a beam) and what is near them, in the layout of the
+#                       candidates; the first `within` of them lie in one plate, the rest join wheel to axle
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
@@ -690,7 +739,7 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, u, q, i, j):
 
 
 @njit(cache=True, fastmath=FAST)
-def worn(normal, shear_square, moment_square, torsion, section):
+def stress_ratio(normal, shear_square, moment_square, torsion, section):
     """Stresses of a beam over its strengths (2): (N/S + r M_b/I)/tensile and (4/3 V/S + r |M_t|/I_o)/shear [-].
 
     4/3 V/S is the shear stress of a round section on its neutral axis; I_o = 2 I.
@@ -710,7 +759,7 @@ def give_up(u, v, q, beams, section, twist, i, j, k, dt):
     x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
         b[0], b[1], b[2], b[3], b[4], b[5], twist, u, q, i, j
     )
-    tensile, shear = worn(normal, sx * sx + sy * sy + sz * sz, moment, torsion, section[k])
+    tensile, shear = stress_ratio(normal, sx * sx + sy * sy + sz * sz, moment, torsion, section[k])
     kept = min(normal, 0.0)
     lost = normal - kept
     rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
@@ -720,7 +769,7 @@ def give_up(u, v, q, beams, section, twist, i, j, k, dt):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def move_large(
+def leapfrog_step_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
     reaction, broken, released, sums,
 ):  # fmt: skip
@@ -744,14 +793,24 @@ def move_large(
                 continue
             j = cols[k]
             x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
-                beams[k, 0], beams[k, 1], beams[k, 2], beams[k, 3], beams[k, 4], beams[k, 5], twist, u, q, i, j
+                beams[k, AXIS_X],
+                beams[k, AXIS_Y],
+                beams[k, AXIS_Z],
+                beams[k, PER_LENGTH],
+                beams[k, AXIAL],
+                beams[k, BENDING],
+                twist,
+                u,
+                q,
+                i,
+                j,
             )
             square = sx * sx + sy * sy + sz * sz
-            room = section[k, 2] - section[k, 0] * normal
-            left = section[k, 3] - 0.5 * section[k, 1] * abs(torsion)
+            room = section[k, TENSILE_STRENGTH] - section[k, PER_AREA] * normal
+            left = section[k, SHEAR_STRENGTH] - 0.5 * section[k, PER_MODULUS] * abs(torsion)
             if (
-                room <= 0.0 or left <= 0.0 or section[k, 1] * section[k, 1] * moment > room * room
-                or 16.0 / 9.0 * section[k, 0] * section[k, 0] * square > left * left
+                room <= 0.0 or left <= 0.0 or section[k, PER_MODULUS] * section[k, PER_MODULUS] * moment > room * room
+                or 16.0 / 9.0 * section[k, PER_AREA] * section[k, PER_AREA] * square > left * left
             ):  # fmt: skip
                 mode[k], released[count] = give_up(u, v, q, beams, section, twist, i, j, k, dt)
                 broken[count] = k
@@ -777,11 +836,11 @@ def move_large(
         w0, w1, w2, w3, w4, w5 = v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5]
         v0, v1, v2, v3, v4, v5 = w0, w1, w2, w3, w4, w5
         if grip[i] == 0:
-            per_mass, per_inertia = push * inverse[i, 0], push * inverse[i, 1]
+            per_mass, per_inertia = push * inverse[i, PER_MASS], push * inverse[i, PER_INERTIA]
             v0, v1, v2 = keep * w0 + per_mass * f0, keep * w1 + per_mass * f1, keep * w2 + per_mass * f2
             v3, v4, v5 = keep * w3 + per_inertia * f3, keep * w4 + per_inertia * f4, keep * w5 + per_inertia * f5
             v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = v0, v1, v2, v3, v4, v5
-            m, inertia = 1.0 / inverse[i, 0], 1.0 / inverse[i, 1]
+            m, inertia = 1.0 / inverse[i, PER_MASS], 1.0 / inverse[i, PER_INERTIA]
             old = m * (w0 * w0 + w1 * w1 + w2 * w2) + inertia * (w3 * w3 + w4 * w4 + w5 * w5)
             new = m * (v0 * v0 + v1 * v1 + v2 * v2) + inertia * (v3 * v3 + v4 * v4 + v5 * v5)
             mixed = m * (w0 * v0 + w1 * v1 + w2 * v2) + inertia * (w3 * v3 + w4 * v4 + w5 * v5)
@@ -819,20 +878,22 @@ def move_large(
 
 
 @njit(cache=True, fastmath=FAST)
-def contact_energy(u, live, pair, apart, law, history, ox, oy, oz):
-    """Elastic energy f_n^2/(2 k_n) + f_t^2/(2 k_t) of the live encounters after `contact_forces` [N mm]."""
+def contact_energy(u, live, pair, offset, parameters, history, ox, oy, oz):
+    """Elastic energy f_n^2/(2 k_n) + f_t^2/(2 k_t) of the live candidates after `contact_forces` [N mm]."""
     total = 0.0
     for s in range(len(live)):
         p = live[s]
         if history[p, 0] == np.inf:
             continue
-        i, j = pair[p, 0], pair[p, 1]
-        x = apart[p, 0] - ox - u[i, 0] + u[j, 0]
-        y = apart[p, 1] - oy - u[i, 1] + u[j, 1]
-        z = apart[p, 2] - oz - u[i, 2] + u[j, 2]
-        fn = touch(x, y, z, law[p, 0] + law[p, 1], law[p, 2])[3]
+        i, j = pair[p, WHEEL], pair[p, AXLE]
+        x = offset[p, 0] - ox - u[i, 0] + u[j, 0]
+        y = offset[p, 1] - oy - u[i, 1] + u[j, 1]
+        z = offset[p, 2] - oz - u[i, 2] + u[j, 2]
+        fn = touch(x, y, z, parameters[p, WHEEL_RADIUS] + parameters[p, AXLE_RADIUS], parameters[p, NORMAL_STIFFNESS])[
+            3
+        ]
         square = history[p, 0] ** 2 + history[p, 1] ** 2 + history[p, 2] ** 2
-        total += 0.5 * fn * fn / law[p, 2] + 0.5 * square / law[p, 3]
+        total += 0.5 * fn * fn / parameters[p, NORMAL_STIFFNESS] + 0.5 * square / parameters[p, TANGENTIAL_STIFFNESS]
     return total
 
 
@@ -848,20 +909,20 @@ def anchor_energy(u, anchored, anchors):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def march_large(
+def run_leapfrog_large(
     u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
-    first, last, pair, apart, law, history, micro_friction, window, live,
-    loose, near_pair, near_apart, near_law, near_history, near_live, within, room,
+    first, last, pair, offset, parameters, history, micro_friction, window, live,
+    detached, near_pair, near_offset, near_parameters, near_history, near_live, within, room,
     drive, speed, target, carriage, steps, reaction, broken, released, carry, total,
 ):  # fmt: skip
-    """As `march`, co-rotational and with breakage.
+    """As `run_leapfrog`, co-rotational and with breakage.
 
     Returns the steps done, the number of beams that broke in the last of them and what is left of `room` [mm]. It
     stops early after a step in which a beam broke, and when two spheres may have come closer by `room`, so that the
-    caller can renew the pairs near loose spheres. Encounters of loose spheres are left to those pairs.
-    total (10,): as in `march`, with the grips' work in that of the drive and the sum of m v-.v+ as twice the kinetic
-    energy; then, after the last step, the elastic energy of beams and faces and that of contacts, and the sum of the
-    energy released [N mm]. carry (5,): force on the wheel in the last step (3), and what damping took and the grips
+    caller can renew the pairs near detached spheres. Candidates of detached spheres are left to those pairs.
+    total (10,): as in `run_leapfrog`, with the grips' work in the drive's and the sum of m v-.v+ as twice the
+    kinetic energy; then, after the last step, the elastic energy of beams and faces, that of contacts, and the sum of
+    the energy released [N mm]. carry (5,): force on the wheel in the last step (3), and what damping took and the grips
     gave in the half step since: the works are trapezoids, the account is of second order.
     """
     sums = np.zeros(4)
@@ -879,31 +940,63 @@ def march_large(
         a = 0
         while a < window[1]:
             p = live[a]
-            if last[p] < drive[0] or loose[pair[p, 0]] or loose[pair[p, 1]]:
+            if last[p] < drive[0] or detached[pair[p, WHEEL]] or detached[pair[p, AXLE]]:
                 window[1] -= 1
                 live[a] = live[window[1]]
             else:
                 a += 1
         sums[:] = 0.0
         contact_forces(
-            u, f, near_live[:within], near_pair, near_apart, near_law, near_history, micro_friction, 0.0, 0.0, 0.0, sums
+            u,
+            f,
+            near_live[:within],
+            near_pair,
+            near_offset,
+            near_parameters,
+            near_history,
+            micro_friction,
+            0.0,
+            0.0,
+            0.0,
+            sums,
         )
         sums[0], sums[1], sums[2] = 0.0, 0.0, 0.0
         contact_forces(
-            u, f, near_live[within:], near_pair, near_apart, near_law, near_history, micro_friction,
+            u, f, near_live[within:], near_pair, near_offset, near_parameters, near_history, micro_friction,
             drive[0], drive[1], drive[2], sums,
         )  # fmt: skip
         contact_forces(
-            u, f, live[: window[1]], pair, apart, law, history, micro_friction, drive[0], drive[1], drive[2], sums
+            u,
+            f,
+            live[: window[1]],
+            pair,
+            offset,
+            parameters,
+            history,
+            micro_friction,
+            drive[0],
+            drive[1],
+            drive[2],
+            sums,
         )
         if done == steps:
             faces = anchor_energy(u, anchored, anchors)
             total[8] = (
-                contact_energy(u, near_live[:within], near_pair, near_apart, near_law, near_history, 0.0, 0.0, 0.0)
-                + contact_energy(
-                    u, near_live[within:], near_pair, near_apart, near_law, near_history, drive[0], drive[1], drive[2]
+                contact_energy(
+                    u, near_live[:within], near_pair, near_offset, near_parameters, near_history, 0.0, 0.0, 0.0
                 )
-                + contact_energy(u, live[: window[1]], pair, apart, law, history, drive[0], drive[1], drive[2])
+                + contact_energy(
+                    u,
+                    near_live[within:],
+                    near_pair,
+                    near_offset,
+                    near_parameters,
+                    near_history,
+                    drive[0],
+                    drive[1],
+                    drive[2],
+                )
+                + contact_energy(u, live[: window[1]], pair, offset, parameters, history, drive[0], drive[1], drive[2])
             )
         total[5] += carry[4]
         for a in range(3):
@@ -915,7 +1008,7 @@ def march_large(
         total[1] += sums[1]
         total[2] += sums[2]
         total[3] += sums[3]
-        count = move_large(
+        count = leapfrog_step_large(
             u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
             reaction, broken, released, moved,
         )  # fmt: skip

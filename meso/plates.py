@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import PackingError
 from .lattice.calibration import beams_for
-from .lattice.candidates import Encounters, Faces
+from .lattice.candidates import ContactCandidates, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
 from .material import Beams
 from .packing.cache import flat_packing
@@ -76,10 +76,10 @@ class Plates:
         """Normal force at the end of the squeeze [N]; 0 where an interference is asked for instead."""
         return self.settings.load.pressure * self.area if self.settings.load.interference is None else 0.0
 
-    def encounters(self, low: float, high: float, margin: float, travel: float | None = None) -> Encounters:
+    def candidates(self, low: float, high: float, margin: float, travel: float | None = None) -> ContactCandidates:
         """Pairs that may meet while the wheel's height stays within low ... high [mm]."""
         settings = self.settings
-        return self.faces.encounters(
+        return self.faces.candidates(
             (low, high),
             settings.load.slide if travel is None else travel,
             margin,
@@ -98,13 +98,13 @@ class Plates:
         if interference is not None:
             return interference
         reach = 0.25 * float(self.lattice.radii.mean())
-        near = self.encounters(self.first_touch - reach, self.first_touch, 0.0, travel=0.0)
-        across = np.hypot(near.apart[:, 0], near.apart[:, 1])
-        radii = near.law[:, 0] + near.law[:, 1]
+        near = self.candidates(self.first_touch - reach, self.first_touch, 0.0, travel=0.0)
+        across = np.hypot(near.offset[:, 0], near.offset[:, 1])
+        radii = near.reach
         below = across < radii
-        gap = -near.apart[below, 2] - np.sqrt(radii[below] ** 2 - across[below] ** 2)
+        gap = -near.offset[below, 2] - np.sqrt(radii[below] ** 2 - across[below] ** 2)
         depth = np.sort(gap + self.first_touch)  # approach at which each pair touches, from zero
-        stiffness = float(near.law[:, 2].mean()) / 3.0
+        stiffness = float(near.normal_stiffness.mean()) / 3.0
         force = stiffness * (np.arange(1, len(depth) + 1) * depth - np.cumsum(depth))
         enough = int(np.searchsorted(force, self.target))
         if enough == 0:

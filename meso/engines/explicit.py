@@ -16,14 +16,14 @@ import numpy as np
 from macrofit.base.arrays import FloatArray, IntArray
 
 from ..errors import StabilityError
-from ..lattice.candidates import Encounters
+from ..lattice.candidates import ContactCandidates
 from ..plates import Plates
 from ..records import Breaks, Curve, Slide, Sums, Work
 from .linear import Linear
 from .time_step import critical_time_step
 
 MARGIN = 0.004
-"""How far elastic displacements may bring two spheres towards each other before the encounters are widened [mm]."""
+"""How far elastic displacements may bring two spheres towards each other before the candidates are widened [mm]."""
 CHUNK = 25
 """Steps between two looks at the normal force, while squeezing."""
 REST_S = 2e-6
@@ -53,8 +53,8 @@ class Explicit:
         depth = 1.4 * plates.likely_approach() + 0.002
         self.range = (plates.first_touch - depth, plates.first_touch + 0.002)
         self.margin = MARGIN
-        self.encounters = plates.encounters(*self.range, self.margin)
-        self.critical = critical_time_step(plates.lattice, self.encounters)
+        self.candidates = plates.candidates(*self.range, self.margin)
+        self.critical = critical_time_step(plates.lattice, self.candidates)
         self.time_step = keys.safety * self.critical if keys.time_step is None else keys.time_step
         if self.time_step > self.critical:
             raise StabilityError(
@@ -77,11 +77,11 @@ class _Body(Protocol):
     drive: FloatArray
     steps: int
     u: FloatArray
-    encounters: Encounters
+    candidates: ContactCandidates
 
     @property
     def live(self) -> IntArray: ...
-    def meet(self, encounters: Encounters) -> None: ...
+    def meet(self, candidates: ContactCandidates) -> None: ...
     def advance(
         self, steps: int, speed: Sequence[float], *, damping: float, target: float, carriage: Sequence[float]
     ) -> Sums: ...
@@ -99,10 +99,10 @@ class _Run:
         self.body: _Body
         if self.settings.engine.breakage is None:
             self.body = Linear(
-                self.plates.lattice, dt=self.dt, micro_friction=micro_friction, encounters=engine.encounters
+                self.plates.lattice, dt=self.dt, micro_friction=micro_friction, candidates=engine.candidates
             )
         else:
-            self.body = _fragile(self.plates, self.dt, micro_friction, engine.encounters)
+            self.body = _fragile(self.plates, self.dt, micro_friction, engine.candidates)
         self.body.drive[2] = self.plates.first_touch
 
     def result(self) -> Slide:
@@ -248,10 +248,10 @@ class _Run:
         return _curve(np.array(rows), 0.0), work, friction, damping, released
 
     def _widen(self) -> None:
-        """Look farther for encounters when the wheel or a sphere has gone beyond what they allow for."""
-        meet, live, height = self.body.encounters, self.body.live, self.body.drive[2]
+        """Look farther for candidates when the wheel or a sphere has gone beyond what they allow for."""
+        meet, live, height = self.body.candidates, self.body.live, self.body.drive[2]
         pair = meet.pair[live]
-        between = meet.apart[live] - self.body.drive
+        between = meet.offset[live] - self.body.drive
         moved = self.body.u[pair[:, 0], :3] - self.body.u[pair[:, 1], :3]
         closing = float(np.max(np.einsum("pa,pa->p", moved, between) / np.linalg.norm(between, axis=1), initial=0.0))
         low, high = self.range
@@ -260,10 +260,10 @@ class _Run:
         reach = 0.3 * (high - low)
         self.range = (min(low, height - reach), max(high, height + reach))
         self.margin = max(self.margin, 1.5 * closing)
-        self.body.meet(self.plates.encounters(*self.range, self.margin))
+        self.body.meet(self.plates.candidates(*self.range, self.margin))
 
 
-def _fragile(plates: Plates, dt: float, micro_friction: float, encounters: Encounters) -> _Body:
+def _fragile(plates: Plates, dt: float, micro_friction: float, candidates: ContactCandidates) -> _Body:
     from .fracture import Breaking
 
     contact, strengths = plates.settings.contact, plates.settings.engine.breakage
@@ -275,7 +275,7 @@ def _fragile(plates: Plates, dt: float, micro_friction: float, encounters: Encou
         contact_modulus=contact.normal_stiffness * plates.settings.material.youngs_modulus,
         tangential_ratio=contact.tangential_ratio,
         micro_friction=micro_friction,
-        encounters=encounters,
+        candidates=candidates,
         wheel_nodes=plates.wheel.nodes,
     )
 

@@ -10,7 +10,7 @@ with N > 0 in tension. The strengths are those of the beams, not of the solid: a
 of E_mu = 5 TPa or so, whose stresses are larger by about as much, and unequal. `tension.first_break` tells by how much
 in any static state; a force at failure is found by pulling a bar (`tension.pull`) and scales with the strengths.
 
-A sphere that has lost a beam is loose: it pushes on whatever comes near it, by the contact law of the sliding plates.
+A sphere that has lost a beam is detached: it pushes on whatever comes near it, by the contact law of the plates.
 The two ends of a broken beam touch where they come closer than its length, with its stiffness EA/l, so a
 compression goes on without a jump; two others that overlap without ever having touched do so from where they are.
 Left out: damage before the break, rate effects, and the rolling and twisting of spheres against each other.
@@ -31,7 +31,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 
 from .. import kernels
 from ..errors import StabilityError
-from ..lattice.candidates import NOBODY, Encounters
+from ..lattice.candidates import NOBODY, ContactCandidates
 from ..lattice.lattice import Lattice
 from ..records import Sums
 from ..settings import Breakage
@@ -39,7 +39,7 @@ from ..settings import Breakage
 TENSION, SHEAR = 1, 2
 """Modes in which a beam breaks."""
 SKIN = 0.2
-"""Reach of the pairs near loose spheres beyond contact, in mean radii [-]."""
+"""Reach of the pairs near detached spheres beyond contact, in mean radii [-]."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ class Breaking:
     Args:
         lattice: One plate or bar, or the two plates joined, the wheel's nodes first.
         breakage: Strengths; those of single beams may be changed in `section[:, 2:]` [MPa] before the run.
-        contact_modulus: k_n = contact_modulus (r_i + r_j)/2 where loose spheres meet [MPa]: normal_stiffness E_M.
-        tangential_ratio: k_t/k_n of loose spheres [-].
+        contact_modulus: k_n = contact_modulus (r_i + r_j)/2 where detached spheres meet [MPa]: normal_stiffness E_M.
+        tangential_ratio: k_t/k_n of detached spheres [-].
         micro_friction: Coefficient of every contact [-].
-        encounters: Of the two faces, as long as neither sphere is loose.
+        candidates: Of the two faces, as long as neither sphere is detached.
         wheel_nodes: How many nodes are the wheel's; the drive carries them.
         grip: Shape (n,): 0 free, or the number of the grip that moves the sphere at its velocity v.
         dt: Time step [s]: 0.8 of the critical one leaves room for the contacts of broken pieces.
@@ -110,7 +110,7 @@ class Breaking:
         contact_modulus: float,
         tangential_ratio: float = 0.8,
         micro_friction: float = 0.0,
-        encounters: Encounters = NOBODY,
+        candidates: ContactCandidates = NOBODY,
         wheel_nodes: int = 0,
         grip: IntArray | None = None,
     ) -> None:
@@ -125,9 +125,9 @@ class Breaking:
         self.section = np.empty((bonds, 4))
         self.section[:, :2] = sections(lattice)
         self.section[:, 2:] = breakage.tensile_strength, breakage.shear_strength
-        self.loose = np.zeros(n, np.bool_)
-        self.encounters, self.history = encounters, encounters.at_rest()
-        self.meet(encounters)
+        self.detached = np.zeros(n, np.bool_)
+        self.candidates, self.history = candidates, candidates.at_rest()
+        self.meet(candidates)
         self._near, self._near_history, self._within, self._room = NOBODY, NOBODY.at_rest(), 0, np.inf
         self._carry = np.zeros(5)
         self._key = lattice.first * n + lattice.cols
@@ -159,18 +159,18 @@ class Breaking:
 
     @property
     def live(self) -> IntArray:
-        """Numbers of the encounters that are looked at now, those of loose spheres left out."""
+        """Numbers of the candidates that are looked at now, those of detached spheres left out."""
         live: IntArray = self._live[: self._window[1]]
-        live = live[~self.loose[self.encounters.pair[live]].any(axis=1)]
+        live = live[~self.detached[self.candidates.pair[live]].any(axis=1)]
         return live
 
     def stored(self) -> tuple[float, float, float]:
         """Energy in the beams, in the contacts, and kinetic energy, at the end of the last steps [N mm]."""
         return self.account.elastic, self.account.contact, self.account.kinetic
 
-    def meet(self, encounters: Encounters) -> None:
-        """Take other encounters of the two faces; those known from before keep their history."""
-        self.encounters, self.history = encounters, encounters.remembering(self.encounters, self.history)
+    def meet(self, candidates: ContactCandidates) -> None:
+        """Take other candidates of the two faces; those known from before keep their history."""
+        self.candidates, self.history = candidates, candidates.remembering(self.candidates, self.history)
         self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
 
     def pieces(self) -> IntArray:
@@ -192,7 +192,7 @@ class Breaking:
         target: float = 0.0,
         carriage: Sequence[float] = (1.0, 0.0),
     ) -> Account:
-        """Take some leapfrog steps while the wheel is carried at `speed` [mm/s]; see `kernels.march`.
+        """Take some leapfrog steps while the wheel is carried at `speed` [mm/s]; see `kernels.run_leapfrog`.
 
         Args:
             steps: How many, at least one.
@@ -204,18 +204,18 @@ class Breaking:
         Raises:
             StabilityError: the motion is not finite.
         """
-        lattice, meet = self.lattice, self.encounters
+        lattice, meet = self.lattice, self.candidates
         total, left, falling = np.zeros(10), steps, np.array(carriage, dtype=np.float64)
         self.speed[: 2 if target > 0.0 else 3] = speed[: 2 if target > 0.0 else 3]
         reaction = np.zeros((self.grip.max(initial=0), 6))
         while left > 0:
             near = self._near
-            done, count, self._room = kernels.march_large(
+            done, count, self._room = kernels.run_leapfrog_large(
                 self.u, self.v, self.f, self.q, lattice.rows, lattice.cols, lattice.beams, self.mode, self.section,
                 lattice.anchored, lattice.anchors, lattice.twist, lattice.inverse, self.grip, self.dt, damping,
-                meet.first, meet.last, meet.pair, meet.apart, meet.law, self.history, self.micro_friction,
-                self._window, self._live, self.loose,
-                near.pair, near.apart, near.law, self._near_history, np.arange(len(near.pair)), self._within,
+                meet.first, meet.last, meet.pair, meet.offset, meet.parameters, self.history, self.micro_friction,
+                self._window, self._live, self.detached,
+                near.pair, near.offset, near.parameters, self._near_history, np.arange(len(near.pair)), self._within,
                 self._room, self.drive, self.speed, target, falling, left, reaction,
                 self._broken, self._released, self._carry, total,
             )  # fmt: skip
@@ -237,17 +237,17 @@ class Breaking:
 
     def loosen(self, nodes: IntArray) -> None:
         """Let spheres meet whatever comes near them, as if they had lost a beam: the flanks of a notch, say."""
-        self.loose[nodes] = True
+        self.detached[nodes] = True
         self._renew()
 
     def _renew(self) -> None:
-        """List again the pairs near loose spheres; those that were known keep their law and history."""
+        """List again the pairs near detached spheres; those that were known keep their law and history."""
         lattice, old, x = self.lattice, self._near, self.positions
         skin = SKIN * lattice.radii.mean()
-        loose = np.flatnonzero(self.loose)
+        detached = np.flatnonzero(self.detached)
         reach = 2.0 * lattice.radii.max() + skin
-        ends = cKDTree(x[loose]).sparse_distance_matrix(cKDTree(x), reach, output_type="coo_matrix")
-        i, j = np.sort([loose[ends.row], ends.col], axis=0)
+        ends = cKDTree(x[detached]).sparse_distance_matrix(cKDTree(x), reach, output_type="coo_matrix")
+        i, j = np.sort([detached[ends.row], ends.col], axis=0)
         key = np.unique((i * lattice.nodes + j)[i < j])
         i, j = np.divmod(key, lattice.nodes)  # i < j: the wheel's node first
         radii = np.stack([lattice.radii[i], lattice.radii[j]], axis=1)
@@ -260,22 +260,24 @@ class Breaking:
         key, known, bond, distance = key[order], known[order], bond[order], distance[order]
         i, j, radii, touching = i[order], j[order], radii[order], touching[order]
         per_length, axial = lattice.beams[bond, 3], lattice.beams[bond, 4]
-        law = np.empty((len(key), 4))
-        law[:, :2] = radii * (np.where(known, 1.0 / per_length, np.minimum(touching, distance)) / touching)[:, None]
-        law[:, 2] = np.where(known, axial, self.contact_modulus * 0.5 * touching)
-        law[:, 3] = self.tangential_ratio * law[:, 2]
-        self._near = Encounters(
-            np.stack([i, j], axis=1), lattice.centres[j] - lattice.centres[i], law, np.empty(0), np.empty(0)
+        parameters = np.empty((len(key), 4))
+        parameters[:, :2] = (
+            radii * (np.where(known, 1.0 / per_length, np.minimum(touching, distance)) / touching)[:, None]
+        )
+        parameters[:, kernels.NORMAL_STIFFNESS] = np.where(known, axial, self.contact_modulus * 0.5 * touching)
+        parameters[:, kernels.TANGENTIAL_STIFFNESS] = self.tangential_ratio * parameters[:, kernels.NORMAL_STIFFNESS]
+        self._near = ContactCandidates(
+            np.stack([i, j], axis=1), lattice.centres[j] - lattice.centres[i], parameters, np.empty(0), np.empty(0)
         )
         history = self._near.at_rest()
         live = self._live[: self._window[1]]
-        live = live[self.loose[self.encounters.pair[live]].any(axis=1)]
-        before = np.concatenate([old.pair, self.encounters.pair[live]]) @ np.array([lattice.nodes, 1])
+        live = live[self.detached[self.candidates.pair[live]].any(axis=1)]
+        before = np.concatenate([old.pair, self.candidates.pair[live]]) @ np.array([lattice.nodes, 1])
         if len(before):
             sort = np.argsort(before)
             place, same = _find(key, before[sort])
             row = sort[place[same]]
-            law[same] = np.concatenate([old.law, self.encounters.law[live]])[row]
+            parameters[same] = np.concatenate([old.parameters, self.candidates.parameters[live]])[row]
             history[same] = np.concatenate([self._near_history, self.history[live]])[row]
         self._near_history, self._within, self._room = history, int(np.sum(keep & ~across)), skin
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import kernels
-from ..lattice.candidates import NOBODY, Encounters
+from ..lattice.candidates import NOBODY, ContactCandidates
 from ..lattice.lattice import Lattice
 from ..records import Sums
 
@@ -20,27 +20,27 @@ class Linear:
         lattice: The two plates joined, the wheel's nodes first.
         dt: Time step [s].
         micro_friction: Coefficient of every contact [-].
-        encounters: Of the two faces.
+        candidates: Of the two faces.
     """
 
     def __init__(
-        self, lattice: Lattice, *, dt: float, micro_friction: float = 0.0, encounters: Encounters = NOBODY
+        self, lattice: Lattice, *, dt: float, micro_friction: float = 0.0, candidates: ContactCandidates = NOBODY
     ) -> None:
         self.lattice, self.dt, self.micro_friction = lattice, dt, micro_friction
         self.u, self.v, self.f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
         self.drive, self.speed, self.steps = np.zeros(3), np.zeros(3), 0
         self._kinetic = 0.0
-        self.encounters, self.history = encounters, encounters.at_rest()
-        self.meet(encounters)
+        self.candidates, self.history = candidates, candidates.at_rest()
+        self.meet(candidates)
 
-    def meet(self, encounters: Encounters) -> None:
-        """Take other encounters of the two faces; those known from before keep their history."""
-        self.encounters, self.history = encounters, encounters.remembering(self.encounters, self.history)
+    def meet(self, candidates: ContactCandidates) -> None:
+        """Take other candidates of the two faces; those known from before keep their history."""
+        self.candidates, self.history = candidates, candidates.remembering(self.candidates, self.history)
         self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
 
     @property
     def live(self) -> npt.NDArray[np.int64]:
-        """Numbers of the encounters that are looked at now."""
+        """Numbers of the candidates that are looked at now."""
         return self._live[: self._window[1]]
 
     def advance(
@@ -52,14 +52,14 @@ class Linear:
         target: float = 0.0,
         carriage: Sequence[float] = (1.0, 0.0),
     ) -> Sums:
-        """Take some leapfrog steps while the wheel is carried at `speed` (3) [mm/s]; see `kernels.march`."""
-        lattice, meet, total = self.lattice, self.encounters, np.zeros(7)
+        """Take some leapfrog steps while the wheel is carried at `speed` (3) [mm/s]; see `kernels.run_leapfrog`."""
+        lattice, meet, total = self.lattice, self.candidates, np.zeros(7)
         self.speed[: 2 if target > 0.0 else 3] = speed[: 2 if target > 0.0 else 3]
-        kernels.march(
+        kernels.run_leapfrog(
             self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
-            lattice.twist, lattice.inverse, self.dt, damping, meet.first, meet.last, meet.pair, meet.apart, meet.law,
-            self.history, self.micro_friction, self._window, self._live, self.drive, self.speed, target,
-            np.array(carriage, dtype=np.float64), steps, total,
+            lattice.twist, lattice.inverse, self.dt, damping, meet.first, meet.last, meet.pair,
+            meet.offset, meet.parameters, self.history, self.micro_friction, self._window,
+            self._live, self.drive, self.speed, target, np.array(carriage, dtype=np.float64), steps, total,
         )  # fmt: skip
         self.steps += steps
         self._kinetic = 0.5 * total[6]
@@ -67,9 +67,11 @@ class Linear:
 
     def stored(self) -> tuple[float, float, float]:
         """Energy in the beams, in the contacts, and kinetic energy [N mm]."""
-        lattice, meet, force = self.lattice, self.encounters, np.zeros_like(self.u)
+        lattice, meet, force = self.lattice, self.candidates, np.zeros_like(self.u)
         kernels.beam_forces(
             self.u, force, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist
         )
-        contact = kernels.contact_energy(self.u, self.live, meet.pair, meet.apart, meet.law, self.history, *self.drive)
+        contact = kernels.contact_energy(
+            self.u, self.live, meet.pair, meet.offset, meet.parameters, self.history, *self.drive
+        )
         return float(-0.5 * np.sum(self.u * force)), float(contact), self._kinetic

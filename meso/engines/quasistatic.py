@@ -2,7 +2,7 @@
 
 Where no beam breaks the lattice is linear. Each plate's stiffness is factored once with its contact candidates last,
 which gives the dense compliance of those; an increment is then a small nonlinear system in the contact forces alone,
-solved by Newton (`meso.kernels.settle`). An increment that does not converge is halved; one that cannot be halved
+solved by Newton (`kernels.solve_increment`). An increment that does not converge is halved; one that cannot be halved
 further raises `Unsettled`, and nothing that is not in equilibrium is ever reported.
 """
 
@@ -16,7 +16,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 
 from .. import kernels
 from ..errors import MesoError
-from ..lattice.candidates import Encounters
+from ..lattice.candidates import ContactCandidates
 from ..lattice.cholmod import factor
 from ..plates import Plates
 from ..records import Curve, Slide, Work
@@ -59,8 +59,8 @@ class QuasiStatic:
         self.depth, self.margin = depth, margin
         rise = 2.0 * depth if plates.settings.load.control == "force" else 0.0
         touch = plates.first_touch
-        self.encounters: Encounters = plates.encounters(touch - depth, touch + rise, margin)
-        pair = self.encounters.pair - np.array([0, plates.wheel.nodes])
+        self.candidates: ContactCandidates = plates.candidates(touch - depth, touch + rise, margin)
+        pair = self.candidates.pair - np.array([0, plates.wheel.nodes])
         self.compliances, self.pair = [], np.empty_like(pair)
         for side, lattice in enumerate((plates.wheel, plates.axle)):
             nodes = np.unique(pair[:, side])
@@ -94,8 +94,8 @@ class _Run:
     def __init__(self, engine: QuasiStatic, micro_friction: float) -> None:
         self.engine, self.plates = engine, engine.plates
         self.micro_friction = micro_friction
-        count = len(engine.encounters.pair)
-        self.history = engine.encounters.at_rest()
+        count = len(engine.candidates.pair)
+        self.history = engine.candidates.at_rest()
         self.trial = self.history.copy()
         self.forces = np.zeros((count, 3))
         self.normals = np.zeros((count, 3))
@@ -168,16 +168,16 @@ class _Run:
 
     def _settle(self, place: FloatArray, target: float) -> bool:
         engine, keys = self.engine, self.plates.settings.engine
-        live = np.flatnonzero((engine.encounters.first <= place[0]) & (engine.encounters.last >= place[0]))
-        gone = self.pressing[engine.encounters.last[self.pressing] < place[0]]
+        live = np.flatnonzero((engine.candidates.first <= place[0]) & (engine.candidates.last >= place[0]))
+        gone = self.pressing[engine.candidates.last[self.pressing] < place[0]]
         if len(gone):  # carried along sideways, they press where they should long be apart
-            raise _Beyond(0.0, 1.3 * float(_gap(engine.encounters, gone, place).max()))
+            raise _Beyond(0.0, 1.3 * float(_gap(engine.candidates, gone, place).max()))
         before, normals = self.forces[live], self.normals[live]
         for close in (CLOSE, np.inf):
             drive = place.copy()
             try:
-                _, residual, closing = kernels.settle(
-                    *engine.compliances, live, engine.pair, engine.encounters.apart, engine.encounters.law,
+                _, residual, closing = kernels.solve_increment(
+                    *engine.compliances, live, engine.pair, engine.candidates.offset, engine.candidates.parameters,
                     self.history, self.forces, self.micro_friction, drive, target, ITERATIONS, keys.tolerance, close,
                     self.trial, self.normals, self.sums,
                 )  # fmt: skip
@@ -201,7 +201,7 @@ class _Run:
 
     def _left_out(self, live: IntArray, before: FloatArray, place: FloatArray, drive: FloatArray) -> bool:
         """Whether spheres that were farther apart than CLOSE at `place` press on each other at `drive`."""
-        engine, meet = self.engine, self.engine.encounters
+        engine, meet = self.engine, self.engine.candidates
         pressed = self.forces[live].any(axis=1)
         if not pressed.any():
             return False
@@ -219,15 +219,18 @@ class _Run:
             return False
         near, (i, j) = np.concatenate([live[pressed], apart]), engine.pair[apart].T
         wheel, axle = (np.empty((len(compliance) // 6, 6)) for compliance in engine.compliances)
-        kernels.load_plates(*engine.compliances, near, engine.pair, meet.law, self.forces, self.normals, wheel, axle)
-        overlap = -_gap(meet, apart, drive + wheel[i, :3] - axle[j, :3]) * meet.law[apart, 2]
+        kernels.load_plates(
+            *engine.compliances, near, engine.pair, meet.parameters, self.forces, self.normals, wheel, axle
+        )
+        overlap = -_gap(meet, apart, drive + wheel[i, :3] - axle[j, :3]) * meet.normal_stiffness[apart]
         return bool(overlap.max() > self.plates.settings.engine.tolerance * float(np.abs(self.forces[near]).max()))
 
 
-def _gap(meet: Encounters, pairs: IntArray, carried: FloatArray) -> FloatArray:
-    """Of pairs whose wheel sphere has gone this far (p, 3) against the axle's [mm]; negative where they overlap."""
-    between = meet.apart[pairs] - carried
-    gap: FloatArray = np.sqrt(np.einsum("pa,pa->p", between, between)) - meet.law[pairs, 0] - meet.law[pairs, 1]
+def _gap(meet: ContactCandidates, pairs: IntArray, carried: FloatArray) -> FloatArray:
+    """Gap of pairs whose wheel sphere has gone this far (p, 3) against the axle's [mm]; negative where they overlap."""
+    between, radii = meet.offset[pairs] - carried, meet.parameters[pairs].T
+    distance = np.sqrt(np.einsum("pa,pa->p", between, between))
+    gap: FloatArray = distance - radii[kernels.WHEEL_RADIUS] - radii[kernels.AXLE_RADIUS]
     return gap
 
 

@@ -8,14 +8,14 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from macrofit.base.arrays import FloatArray
 
 from .. import kernels
-from ..lattice.candidates import Encounters
+from ..lattice.candidates import ContactCandidates
 from ..lattice.lattice import Lattice
 
 CONTACTS = 3.0
 """Contacts that a sphere of the rough face is allowed at once, in the estimate of the critical time step."""
 
 
-def critical_time_step(lattice: Lattice, encounters: Encounters | None = None) -> float:
+def critical_time_step(lattice: Lattice, candidates: ContactCandidates | None = None) -> float:
     """Largest stable time step of the undamped leapfrog, 2/sqrt(lambda_max(M^-1 K)) [s].
 
     lambda_max by Lanczos on the force kernel. The contacts of a sphere of the rough faces count as three springs
@@ -23,10 +23,10 @@ def critical_time_step(lattice: Lattice, encounters: Encounters | None = None) -
     """
     scale = np.sqrt(np.repeat(lattice.inverse, 3, axis=1))
     diagonal = np.zeros((lattice.nodes, 6))
-    if encounters is not None and len(encounters.pair):
+    if candidates is not None and len(candidates.pair):
         for side in (0, 1):
-            nodes, place = np.unique(encounters.pair[:, side], return_index=True)
-            stiffness = 2.0 * CONTACTS * encounters.law[place, 2]
+            nodes, place = np.unique(candidates.pair[:, side], return_index=True)
+            stiffness = 2.0 * CONTACTS * candidates.parameters[place, kernels.NORMAL_STIFFNESS]
             diagonal[nodes, :3] = stiffness[:, None]
             diagonal[nodes, 3:] = (stiffness * lattice.radii[nodes] ** 2)[:, None]
     force = np.empty((lattice.nodes, 6))

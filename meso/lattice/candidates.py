@@ -20,23 +20,33 @@ from .lattice import Lattice
 FACE = 2.0
 """Spheres of a face over n^(2/3) of its plate, about."""
 ROUNDING = 1e-9
-"""Of heights that are compared [mm]."""
+"""Difference of heights that is taken for rounding [mm]."""
 
 
 @dataclass(frozen=True)
-class Encounters:
+class ContactCandidates:
     """Pairs in the order in which they begin, in the layout of `meso.kernels`."""
 
     pair: IntArray
     """Wheel node, axle node in the numbering of the joined lattice, shape (p, 2)."""
-    apart: FloatArray
+    offset: FloatArray
     """Centre of the axle sphere minus that of the wheel sphere before any motion, shape (p, 3) [mm]."""
-    law: FloatArray
+    parameters: FloatArray
     """Radii of the wheel and axle sphere [mm], k_n, k_t [N/mm], shape (p, 4)."""
     first: FloatArray
     """Slide at which each may begin, ascending, shape (p,) [mm]."""
     last: FloatArray
     """Slide at which each has ended, shape (p,) [mm]."""
+
+    @property
+    def reach(self) -> FloatArray:
+        """Distance of the centres at which each pair touches, shape (p,) [mm]."""
+        return self.parameters[:, kernels.WHEEL_RADIUS] + self.parameters[:, kernels.AXLE_RADIUS]
+
+    @property
+    def normal_stiffness(self) -> FloatArray:
+        """k_n of each pair, shape (p,) [N/mm]."""
+        return self.parameters[:, kernels.NORMAL_STIFFNESS]
 
     def at_rest(self) -> FloatArray:
         """The history of pairs that have not met yet, shape (p, 9)."""
@@ -44,7 +54,7 @@ class Encounters:
         history[:, 0] = np.inf
         return history
 
-    def remembering(self, old: Encounters, history: FloatArray) -> FloatArray:
+    def remembering(self, old: ContactCandidates, history: FloatArray) -> FloatArray:
         """The history of these pairs, where those known from `old` keep theirs, shape (p, 9)."""
         mine = self.at_rest()
         if len(old.pair) and len(self.pair):
@@ -57,8 +67,8 @@ class Encounters:
         return mine
 
 
-NOBODY = Encounters(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
-"""No encounter at all."""
+NOBODY = ContactCandidates(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
+"""No candidate at all."""
 
 
 class Faces:
@@ -99,7 +109,7 @@ class Faces:
         order = np.argsort(self.axle[axle, 1], kind="stable")
         return self.wheel[wheel], self.wheel_radii[wheel], self.axle[axle], self.axle_radii[axle], order
 
-    def encounters(
+    def candidates(
         self,
         heights: tuple[float, float],
         travel: float,
@@ -107,7 +117,7 @@ class Faces:
         material: Material,
         normal_stiffness: float,
         tangential_ratio: float,
-    ) -> Encounters:
+    ) -> ContactCandidates:
         """Every pair whose gap may fall below `margin` [mm] on the way from 0 to `travel`, within these heights [mm].
 
         k_n = normal_stiffness E_M (r_i + r_j)/2 and k_t = tangential_ratio k_n [N/mm].
@@ -116,18 +126,17 @@ class Faces:
         wheel, axle = self._facing(low, margin)
         if not len(wheel):
             return NOBODY
-        pair, span = kernels.meetings(*self._spheres(wheel, axle), low, high, travel, margin)
+        pair, span = kernels.find_candidates(*self._spheres(wheel, axle), low, high, travel, margin)
         pair = np.stack([wheel[pair[:, 0]], axle[pair[:, 1]]], axis=1)
         order = np.lexsort((pair[:, 1], pair[:, 0], span[:, 0]))
         (i, j), span = pair[order].T, span[order]
-        law = np.empty((len(i), 4))
-        law[:, 0], law[:, 1] = self.wheel_radii[i], self.axle_radii[j]
-        law[:, 2] = normal_stiffness * material.youngs_modulus * 0.5 * (law[:, 0] + law[:, 1])
-        law[:, 3] = tangential_ratio * law[:, 2]
-        return Encounters(
+        wheel_radius, axle_radius = self.wheel_radii[i], self.axle_radii[j]
+        stiffness = normal_stiffness * material.youngs_modulus * 0.5 * (wheel_radius + axle_radius)
+        parameters = np.column_stack([wheel_radius, axle_radius, stiffness, tangential_ratio * stiffness])
+        return ContactCandidates(
             pair=np.stack([i, j + len(self.wheel)], axis=1),
-            apart=self.axle[j] - self.wheel[i],
-            law=law,
+            offset=self.axle[j] - self.wheel[i],
+            parameters=parameters,
             first=np.ascontiguousarray(span[:, 0]),
             last=np.ascontiguousarray(span[:, 1]),
         )

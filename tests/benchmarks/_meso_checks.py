@@ -201,7 +201,7 @@ class WatchedIncrements(quasistatic._Run):
         before = self.history.copy()
         if not super()._settle(place, target):
             return False
-        law = self.engine.encounters.law
+        law = self.engine.candidates.parameters
         touching = np.flatnonzero(self.forces.any(axis=1))
         now, old = self.history[touching], before[touching]
         upright = -self.normals[touching, 2]
@@ -224,7 +224,7 @@ class WatchedIncrements(quasistatic._Run):
 
     def keep(self) -> None:
         """Keep the present state."""
-        live = self.engine.encounters
+        live = self.engine.candidates
         now = (live.first <= self.drive[0]) & (live.last >= self.drive[0])
         self.states.append(
             State(self.drive.copy(), np.where(now[:, None], self.forces, 0.0), self.normals.copy(), self.rows[-1][3:])
@@ -333,7 +333,7 @@ def equilibrium_faults(run: WatchedIncrements) -> tuple[list[str], float]:
 def state_fault(run: WatchedIncrements, state: State) -> tuple[str, float]:
     """The first thing wrong with one state, and its relative balance of force."""
     plates, mu = run.plates, run.micro_friction
-    meet = run.engine.encounters
+    meet = run.engine.candidates
     touching = np.flatnonzero(state.forces.any(axis=1))
     force, normal = state.forces[touching], state.normals[touching]
     if not len(touching):
@@ -347,7 +347,7 @@ def state_fault(run: WatchedIncrements, state: State) -> tuple[str, float]:
         load = np.zeros((lattice.nodes, 6))
         node = meet.pair[touching, side] - side * plates.wheel.nodes
         np.add.at(load[:, :3], node, sign * force)
-        np.add.at(load[:, 3:], node, meet.law[touching, side][:, None] * np.cross(normal, force))
+        np.add.at(load[:, 3:], node, meet.parameters[touching, side][:, None] * np.cross(normal, force))
         u = solid(lattice).displaced(load)
         displaced.append(u)
         stored += 0.5 * float(np.sum(load * u))
@@ -361,7 +361,7 @@ def state_fault(run: WatchedIncrements, state: State) -> tuple[str, float]:
     # a residual of tolerance x largest force at every contact moves the spheres by about this much
     largest, middle = float(pressed.max()), float(pressed.mean())
     slack = 3.0 * tolerance * largest / middle * max(float(np.abs(u[:, :3]).max()) for u in displaced) + 1e-9
-    slack += 3.0 * tolerance * largest / float(meet.law[touching, 2].min())
+    slack += 3.0 * tolerance * largest / float(meet.normal_stiffness[touching].min())
     return overlap_fault(plates, state, meet.pair, pressed, touching, displaced, slack), balance
 
 
@@ -394,7 +394,7 @@ def overlapping(one: FloatArray, radii: FloatArray, other: FloatArray, others: F
 
 
 def _has_broken(body: Any) -> bool:
-    return not isinstance(body, Linear) and bool(body.loose.any())
+    return not isinstance(body, Linear) and bool(body.detached.any())
 
 
 def _positions(run: WatchedSteps, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -403,9 +403,9 @@ def _positions(run: WatchedSteps, u: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def unknown_overlap(run: WatchedSteps) -> float:
-    """Largest overlap of two spheres that are not among the live encounters [mm]."""
+    """Largest overlap of two spheres that are not among the live candidates [mm]."""
     split, radii, body = run.plates.wheel.nodes, run.plates.lattice.radii, run.body
-    known = {(int(i), int(j) - split) for i, j in body.encounters.pair[body.live]}
+    known = {(int(i), int(j) - split) for i, j in body.candidates.pair[body.live]}
     at_wheel, at_axle = _positions(run, body.u)
     found = overlapping(at_wheel, radii[:split], at_axle, radii[split:])
     return max((overlap for pair, overlap in found.items() if pair not in known), default=0.0)

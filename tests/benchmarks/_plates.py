@@ -9,4 +9,4 @@ from ._profile import Watch
 
 def newton_iterations() -> Watch:
     """The Newton iterations of every increment tried inside the block."""
-    return Watch(kernels, "settle", lambda arguments, result: int(result[0]))
+    return Watch(kernels, "solve_increment", lambda arguments, result: int(result[0]))

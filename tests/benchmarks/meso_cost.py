@@ -53,7 +53,7 @@ def kernel(spheres: int, steps: int, repeats: int) -> tuple[float, float, float]
     for repeat in range(repeats + 1):
         started = time.process_time()
         for _ in range(steps):
-            kernels.move(
+            kernels.leapfrog_step(
                 u, v, f, plate.rows, plate.cols, plate.beams, plate.anchored, plate.anchors, plate.twist,
                 plate.inverse, dt, 0.0,
             )  # fmt: skip

@@ -85,13 +85,13 @@ def condensation(made: Plates) -> list[Cost]:
         Cost("set-up: candidates' block copied", trailing.cpu_s, 0.0, 2.0 * triangles),
         Cost("set-up: dense compliances (dpotri)", inverse.cpu_s, inverted, 2.0 * triangles),
         Cost("set-up: compliances mirrored", mirrored, 0.0, 2.0 * triangles),
-        Cost("set-up: encounters, rest", whole - parts),
+        Cost("set-up: candidates, rest", whole - parts),
     ]  # fmt: skip
 
 
 def newton_slide(engine: QuasiStatic) -> list[Cost]:
     """A second slide of the same plates."""
-    with Watch(kernels, "settle") as settled:
+    with Watch(kernels, "solve_increment") as settled:
         started = time.process_time()
         engine.slide(0.07)
         whole = time.process_time() - started
@@ -121,13 +121,13 @@ def recorded(engine: QuasiStatic) -> list[tuple[Any, ...]]:
         touching, (normal, tangent, answer, forces) = arguments[2], arguments[5:9]
         calls.append((touching.copy(), forces[touching], normal[touching], tangent[touching], answer[touching]))
 
-    compiled = kernels.settle
-    kernels.settle = compiled.py_func
+    compiled = kernels.solve_increment
+    kernels.solve_increment = compiled.py_func
     try:
         with Watch(kernels, "load_plates", load), Watch(kernels, "newton_step", step):
             engine.slide(0.07)
     finally:
-        kernels.settle = compiled
+        kernels.solve_increment = compiled
     return calls
 
 
@@ -137,7 +137,7 @@ def replayed(engine: QuasiStatic, calls: Sequence[tuple[Any, ...]]) -> tuple[int
     wheel, axle = engine.compliances
     uw, ua = np.zeros((len(wheel) // 6, 6)), np.zeros((len(axle) // 6, 6))
     forces, normal, answer, change = (np.zeros((count, 3)) for _ in range(4))
-    tangent, law = np.zeros((count, 3, 3)), engine.encounters.law
+    tangent, law = np.zeros((count, 3, 3)), engine.candidates.parameters
     blocks, load_s, sizes, step_s = 0, 0.0, [], 0.0
     for contacts, force, direction, *more in calls:
         forces[contacts], normal[contacts] = force, direction
@@ -171,7 +171,7 @@ def dynamic_run(made: Plates, steps: int) -> list[Cost]:
     """Set-up and slide of the explicit engine; the beams' share by marching the same lattice without contact."""
     with (
         Watch(explicit, "critical_time_step") as limit,
-        Watch(kernels, "march", lambda arguments, _: arguments[-2]) as march,
+        Watch(kernels, "run_leapfrog", lambda arguments, _: arguments[-2]) as run_leapfrog,
     ):
         started = time.process_time()
         engine = Explicit(made)
@@ -182,7 +182,7 @@ def dynamic_run(made: Plates, steps: int) -> list[Cost]:
     v += np.random.default_rng(0).normal(size=v.shape)
     started = time.process_time()
     for _ in range(steps):
-        kernels.move(
+        kernels.leapfrog_step(
             u, v, f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist,
             lattice.inverse, engine.time_step, 0.0,
         )  # fmt: skip
@@ -191,10 +191,10 @@ def dynamic_run(made: Plates, steps: int) -> list[Cost]:
     flops, moved = BOND_FLOPS * bonds + NODE_FLOPS * nodes, BOND_BYTES * bonds + NODE_BYTES * nodes
     return [
         Cost("explicit: critical time step", limit.cpu_s),
-        Cost("explicit: encounters, rest of the set-up", prepared - limit.cpu_s),
+        Cost("explicit: candidates, rest of the set-up", prepared - limit.cpu_s),
         Cost("explicit: beams and leapfrog", beams, flops, moved),
-        Cost("explicit: contacts", march.cpu_s - beams),
-        Cost("explicit: Python around it", slide.cpu_s - march.cpu_s),
+        Cost("explicit: contacts", run_leapfrog.cpu_s - beams),
+        Cost("explicit: Python around it", slide.cpu_s - run_leapfrog.cpu_s),
     ]  # fmt: skip
 
 

@@ -6,7 +6,7 @@ The plates stay as large as the default's (wheel 1 x 1 x 0.3 mm, axle 2 x 1 x 0.
 the spheres become finer, so that the faces hold n^(2/3) of them and a slide takes n^(1/3) more time steps. Every size
 runs in a process of its own, warmed by a toy: CPU seconds of each stage (once), the peak of the process's memory after
 it, and counts that do not depend on the machine. An exponent k stands for cost ~ n^k, fitted from 3000 spheres on.
-In three dimensions one expects 1 of lattices, a single step and encounters; 4/3 of packing, of an explicit slide and
+In three dimensions one expects 1 of lattices, a single step and candidates; 4/3 of packing, of an explicit slide and
 of a factor's entries; 2 of the operations of a factor and of its dense compliance. The quasi-static engine is asked for
 by name; left to itself a run takes the explicit one above 14,000 spheres.
 """
@@ -54,15 +54,15 @@ def explicit(made: Plates) -> Measured:
     timed(found, "first touch", lambda: made.first_touch)
     approach = made.likely_approach()
     low = made.first_touch - 1.4 * approach - 0.002
-    timed(found, "encounters", lambda: made.encounters(low, made.first_touch, 0.003))
+    timed(found, "candidates", lambda: made.candidates(low, made.first_touch, 0.003))
     engine = timed(found, "explicit set-up", lambda: Explicit(made))
-    body = Linear(made.lattice, dt=engine.time_step, micro_friction=0.07, encounters=engine.encounters)
+    body = Linear(made.lattice, dt=engine.time_step, micro_friction=0.07, candidates=engine.candidates)
     body.drive[2] = made.first_touch - approach
     speed, damping = made.settings.engine.speed, made.settings.engine.squeeze_damping
     timed(found, "explicit step", lambda: body.advance(STEPS, (speed, 0.0, 0.0), damping=damping), 1.0 / STEPS)
     steps = np.ceil(made.settings.load.slide / speed / engine.time_step)
     found["explicit slide"] = (steps * found["explicit step"][0], found["explicit step"][1])
-    return found | {"encounters, count": (len(engine.encounters.pair), 0.0), "time steps of a slide": (steps, 0.0)}
+    return found | {"candidates, count": (len(engine.candidates.pair), 0.0), "time steps of a slide": (steps, 0.0)}
 
 
 def quasi_static(made: Plates) -> Measured:
@@ -164,5 +164,5 @@ def main(words: Sequence[str]) -> int:
 
 def draw(found: dict[str, tuple[Sequence[float], Sequence[float]]], target: Path) -> None:
     """CPU time of the dearer stages against the spheres."""
-    shown = ("packing", "morphing", "lattices", "encounters", "explicit slide", "condensation", "quasi-static slide")
+    shown = ("packing", "morphing", "lattices", "candidates", "explicit slide", "condensation", "quasi-static slide")
     draw_growth({name: found[name] for name in shown}, target, "spheres of both plates", "CPU time [s]")

@@ -14,7 +14,7 @@ from meso import kernels
 from meso.engines.fracture import SHEAR, TENSION, Account, Breaking
 from meso.engines.tension import Pulled, ends, first_break, pull, without
 from meso.engines.time_step import critical_time_step
-from meso.lattice.candidates import Encounters, Faces
+from meso.lattice.candidates import ContactCandidates, Faces
 from meso.lattice.lattice import Lattice, build, join, turned_over
 from meso.material import Beams, Material
 from meso.packing.pack import pack
@@ -299,19 +299,19 @@ def kinetic_of(body: Breaking) -> float:
 
 @dataclass(frozen=True)
 class Plates:
-    """Two small flat plates of spheres and the encounters of a slide."""
+    """Two small flat plates of spheres and the candidates of a slide."""
 
     lattice: Lattice
     wheel_nodes: int
     height: float
-    meet: Encounters
+    meet: ContactCandidates
     dt: float
 
     def slide(self, breakage: Breakage, loosened: bool = False, target: float = 0.0) -> tuple[Breaking, list[Account]]:
         """Squeeze by 4 um, rest, slide by 0.1 mm in 5000 steps; the faces may be made loose half way down."""
         body = Breaking(
             self.lattice, breakage, dt=self.dt, contact_modulus=CONTACT, micro_friction=0.1,
-            encounters=self.meet, wheel_nodes=self.wheel_nodes,
+            candidates=self.meet, wheel_nodes=self.wheel_nodes,
         )  # fmt: skip
         body.drive[2] = self.height
         down = (0.0, 0.0, -0.004 / (2000 * self.dt))
@@ -335,13 +335,13 @@ def plates() -> Plates:
     lattice = join(wheel, axle)
     faces = Faces(lattice, wheel.nodes)
     height = faces.first_touch()
-    meet = faces.encounters((height - 0.005, height + 0.001), 0.1, 0.004, Material(), 1.0, 0.8)
+    meet = faces.candidates((height - 0.005, height + 0.001), 0.1, 0.004, Material(), 1.0, 0.8)
     return Plates(lattice, wheel.nodes, height, meet, 0.8 * critical_time_step(lattice, meet))
 
 
 @pytest.mark.parametrize("target", [0.0, 20.0])
 def test_plates_that_do_not_break_slide_as_the_linear_ones(plates: Plates, target: float) -> None:
-    """Forces within 1 % of `march` (what the rotations are worth), with the encounters or as loose spheres alike."""
+    """Forces within 1 % of `run_leapfrog` (what the rotations are worth), with candidates or as detached spheres."""
     lattice, meet = plates.lattice, plates.meet
     u, v, f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
     drive, history = np.array([0.0, 0.0, plates.height]), meet.at_rest()
@@ -353,10 +353,10 @@ def test_plates_that_do_not_break_slide_as_the_linear_ones(plates: Plates, targe
     for steps, step, damping, load in stages:
         total = np.zeros(7)
         speed[:] = [*(np.array(step[:2]) / plates.dt), speed[2] if load > 0.0 else step[2] / plates.dt]
-        kernels.march(
+        kernels.run_leapfrog(
             u, v, f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist,
-            lattice.inverse, plates.dt, damping, meet.first, meet.last, meet.pair, meet.apart, meet.law, history, 0.1,
-            window, live, drive, speed, load, np.array(CARRIAGE), steps, total,
+            lattice.inverse, plates.dt, damping, meet.first, meet.last, meet.pair, meet.offset, meet.parameters,
+            history, 0.1, window, live, drive, speed, load, np.array(CARRIAGE), steps, total,
         )  # fmt: skip
         forces.append(total[:3] / steps)
     linear = np.array(forces)

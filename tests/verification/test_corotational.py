@@ -157,7 +157,7 @@ def test_small_motion_follows_the_linear_lattice(block: Lattice) -> None:
         u, v, f = np.zeros_like(body.u), body.v.copy(), np.zeros_like(body.f)
         body.advance(500)
         for _ in range(500):
-            kernels.move(
+            kernels.leapfrog_step(
                 u, v, f, block.rows, block.cols, block.beams, block.anchored, block.anchors, block.twist,
                 block.inverse, dt, 0.0,
             )  # fmt: skip

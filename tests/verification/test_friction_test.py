@@ -110,7 +110,7 @@ def test_same_seeds_same_bits() -> None:
 
 def test_every_touching_pair_is_an_encounter(plates: Plates) -> None:
     touch = plates.first_touch
-    found = plates.encounters(touch - 0.01, touch, 0.0)
+    found = plates.candidates(touch - 0.01, touch, 0.0)
     split = plates.wheel.nodes
     wheel, axle = plates.lattice.centres[:split], plates.lattice.centres[split:]
     radii = plates.lattice.radii
@@ -160,7 +160,7 @@ def singular(*arguments: object) -> tuple[int, float, float]:
 
 @pytest.mark.parametrize("settle", [never, singular])
 def test_explicit_engine_takes_over_where_nothing_settles(settle: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "settle", settle)
+    monkeypatch.setattr(kernels, "solve_increment", settle)
     slide = run(load(None, [*SMALL, "engine.samples=20"])).slides[0]
     assert slide.engine == "explicit"
     assert "no equilibrium" in slide.remark
@@ -168,14 +168,14 @@ def test_explicit_engine_takes_over_where_nothing_settles(settle: object, monkey
 
 
 def test_increments_that_fail_are_halved(plates: Plates, monkeypatch: pytest.MonkeyPatch) -> None:
-    settle = kernels.settle
+    settle = kernels.solve_increment
     calls = []
 
     def stubborn(*arguments: object) -> object:
         calls.append(1)
         return (30, 1.0, 0.0) if len(calls) in (20, 21, 40) else settle(*arguments)
 
-    monkeypatch.setattr(kernels, "settle", stubborn)
+    monkeypatch.setattr(kernels, "solve_increment", stubborn)
     slide = QuasiStatic(plates).slide(0.07)
     monkeypatch.undo()
     assert slide.largest_residual <= 1e-3

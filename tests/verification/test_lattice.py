@@ -281,10 +281,10 @@ class Motion:
         share = np.linalg.solve((R * self.mass.ravel()) @ R.T, R @ (self.mass * self.v).ravel())
         self.v -= 0.99 * (share @ R).reshape(-1, 6)
 
-    def march(self, steps: int) -> float:
+    def run_leapfrog(self, steps: int) -> float:
         lattice = self.lattice
         for _ in range(steps):
-            twice_kinetic = kernels.move(
+            twice_kinetic = kernels.leapfrog_step(
                 self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
                 lattice.twist, lattice.inverse, self.dt, 0.0,
             )  # fmt: skip
@@ -297,7 +297,7 @@ class Motion:
         The mean of both kinetic energies in its place swings with the square of the time step.
         """
         before, u = self.v.copy(), self.u.copy()
-        self.march(1)
+        self.run_leapfrog(1)
         stored = u.ravel() @ (self.lattice.stiffness() @ u.ravel())
         return float(0.5 * (np.sum(before * self.mass * self.v) + stored))
 
@@ -312,7 +312,7 @@ def test_energy_and_momentum_stay_over_1e5_steps_at_nine_tenths_of_the_critical_
     """Rounding adds up to 1e5 times 1e-16 at worst, and a little for the rigid turn."""
     motion = Motion(plate(None), 0.9)
     energy, momentum = motion.energy(), motion.momentum()
-    motion.march(STEPS)
+    motion.run_leapfrog(STEPS)
     what = "free lattice, 1e5 steps of 0.9 of the limit:"
     assert found(f"{what} energy", abs(motion.energy() / energy - 1.0), 1e-9)
     lost = np.abs((motion.momentum() - momentum).sum(axis=0)) / np.abs(momentum).sum(axis=0)
@@ -322,6 +322,6 @@ def test_energy_and_momentum_stay_over_1e5_steps_at_nine_tenths_of_the_critical_
 def test_a_step_above_the_critical_one_blows_up(found: Found) -> None:
     """By exp(2 acosh(1.1)) = 2.4 per step in the fastest mode: 1e77 in 200 steps."""
     motion = Motion(plate(None), 1.1)
-    start = motion.march(1)
-    grown = motion.march(200) / start
+    start = motion.run_leapfrog(1)
+    grown = motion.run_leapfrog(200) / start
     assert found("the same, 200 steps of 1.1 of the limit: growth of the energy", grown, 1e70, at_least=True)

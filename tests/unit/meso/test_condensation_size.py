@@ -35,10 +35,10 @@ def test_encounters_of_the_faces_are_those_of_all_spheres(
 ) -> None:
     faces, order = plates.faces, np.argsort(plates.faces.axle[:, 1])
     heights = plates.first_touch + low, plates.first_touch + high
-    pair, span = kernels.meetings(
+    pair, span = kernels.find_candidates(
         faces.wheel, faces.wheel_radii, faces.axle, faces.axle_radii, order, *heights, 1.0, margin
     )
-    found = faces.encounters(heights, 1.0, margin, plates.settings.material, 1.0, 0.8)
+    found = faces.candidates(heights, 1.0, margin, plates.settings.material, 1.0, 0.8)
     everyone = {(i, j + plates.wheel.nodes, *ends) for (i, j), ends in zip(pair.tolist(), span.tolist(), strict=True)}
     those = zip(found.pair.tolist(), found.first.tolist(), found.last.tolist(), strict=True)
     assert {(*ends, first, last) for ends, first, last in those} == everyone
@@ -47,7 +47,7 @@ def test_encounters_of_the_faces_are_those_of_all_spheres(
 
 def test_no_encounter_of_plates_far_apart(plates: Plates) -> None:
     assert isinstance(plates.faces, Faces)
-    assert len(plates.encounters(1.0, 2.0, 0.0).pair) == 0
+    assert len(plates.candidates(1.0, 2.0, 0.0).pair) == 0
 
 
 def test_entries_and_operations_of_a_dense_factor() -> None:

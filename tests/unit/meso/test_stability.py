@@ -47,8 +47,8 @@ def test_a_right_slide_passes(plates: Plates, engine: str) -> None:
 
 
 def bent(change: Callable[..., None]) -> Callable[..., Any]:
-    """`kernels.settle` whose outcome is changed before the engine sees it."""
-    settle = kernels.settle
+    """`kernels.solve_increment` whose outcome is changed before the engine sees it."""
+    settle = kernels.solve_increment
 
     def planted(*arguments: Any) -> Any:
         outcome = settle(*arguments)
@@ -101,7 +101,7 @@ FAULTS = (less_tangential, forgotten_contact, beyond_coulomb, pulling, more_stor
 def test_planted_faults_of_increments_are_seen(
     plates: Plates, monkeypatch: pytest.MonkeyPatch, change: Callable[..., None]
 ) -> None:
-    monkeypatch.setattr(kernels, "settle", bent(change))
+    monkeypatch.setattr(kernels, "solve_increment", bent(change))
     assert checks.verdict(plates).kind == "wrong"
 
 
@@ -120,15 +120,15 @@ def test_forces_lost_between_the_plates_are_seen(plates: Plates, monkeypatch: py
 
 
 def test_overlaps_nobody_knows_of_are_seen(plates: Plates, monkeypatch: pytest.MonkeyPatch) -> None:
-    from meso.lattice.candidates import Encounters
+    from meso.lattice.candidates import ContactCandidates
 
-    rest = Plates.encounters
+    rest = Plates.candidates
 
-    def few(self: Plates, *arguments: Any, **more: Any) -> Encounters:
+    def few(self: Plates, *arguments: Any, **more: Any) -> ContactCandidates:
         all_of_them = rest(self, *arguments, **more)
-        return Encounters(*(values[::3] for values in vars(all_of_them).values()))
+        return ContactCandidates(*(values[::3] for values in vars(all_of_them).values()))
 
-    monkeypatch.setattr(Plates, "encounters", few)
+    monkeypatch.setattr(Plates, "candidates", few)
     assert any("overlap" in fault for fault in checks.verdict(with_keys(plates, "engine.name=explicit")).faults)
     assert any("overlap" in fault for fault in checks.verdict(plates).faults)
 
@@ -144,7 +144,7 @@ def test_contacts_left_out_of_an_increment_are_found(plates: Plates, monkeypatch
 
 
 def test_spheres_that_press_beyond_their_window_are_kept() -> None:
-    """Friction carries them along by more than the margin of the encounters."""
+    """Friction carries them along by more than the margin of the candidates."""
     found = next(islice(frictions(generator("stability")), 45, None))()
     assert found.faults == []
 
