@@ -58,11 +58,11 @@ class Scatter(msgspec.Struct, frozen=True, kw_only=True):
     spheres: int
     packings: int
     youngs_modulus: float
-    """Mean [MPa]."""
+    """Mean Young's modulus [MPa]."""
     modulus_scatter: float
     """Standard deviation over mean [-]."""
     poisson_ratio: float
-    """Mean [-]."""
+    """Mean Poisson ratio [-]."""
     poisson_scatter: float
     """Standard deviation [-]."""
 

@@ -44,11 +44,11 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     largest_residual: float
     """Over the largest contact force [-]."""
     settings: Settings
-    """Of the test, with the seeds of both surfaces."""
+    """Settings of the test, with the seeds of both surfaces."""
     code: str
     """As `code` gave it."""
     version: str
-    """Of the package."""
+    """Version of the package."""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -32,7 +32,7 @@ class Engine(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrictionTest:
     """The outcome of a friction test."""
 

@@ -39,7 +39,7 @@ def beams_of(settings: Settings) -> Beams:
     return settings.beams if settings.beams is not None else beams_for(settings.material)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plates:
     """The two plates of a friction test, ready to be brought together."""
 

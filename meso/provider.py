@@ -65,7 +65,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """
 
     micro_friction: float = 0.07
-    """Of sphere on sphere [-]."""
+    """Coefficient of friction of sphere on sphere [-]."""
     seed: int = 1
     """Chooses all the surfaces of both bodies, 0 to 65535; see `tile_seed`."""
     cache: bool = True

@@ -10,7 +10,7 @@ import numpy as np
 from macrofit.base.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Curve:
     """Forces on the wheel along the slide, n rows."""
 
@@ -23,7 +23,7 @@ class Curve:
     tangential: FloatArray
     """T, against the slide, shape (n,) [N]."""
     height: FloatArray
-    """Of the wheel's plate over the position in which the nominal faces coincide, shape (n,) [mm]."""
+    """Height of the wheel's plate over the position in which the nominal faces coincide, shape (n,) [mm]."""
     share: FloatArray
     """Part of the slide that each row stands for, shape (n,), sum 1."""
     tangential_work: float
@@ -85,7 +85,7 @@ def block_error(values: FloatArray, share: FloatArray | None = None) -> float:
     return float(np.sqrt(largest))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sums:
     """Over some time steps: what the explicit engine adds up."""
 
@@ -137,14 +137,14 @@ class Breaks(msgspec.Struct, frozen=True, kw_only=True):
     time: list[float]
     """[s] from the start of the squeeze."""
     slide: list[float]
-    """[mm]."""
+    """Slide at which each broke [mm]."""
     mode: list[str]
     """"tension" or "shear"."""
     place: list[tuple[float, float, float]]
     """Middle of the beam before any motion [mm]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Slide:
     """One friction test: a micro coefficient, and what came of it."""
 
@@ -164,7 +164,7 @@ class Slide:
     largest_residual: float
     """Over all increments, over the largest contact force [-]; 0 for the explicit engine."""
     cpu_s: float
-    """Of squeeze and slide, set-up left out [s]."""
+    """CPU time of squeeze and slide, set-up left out [s]."""
     breaks: Breaks | None = None
     remark: str = ""
     """Why another engine than the one asked for gave the answer, or why the load is another, if so."""

@@ -41,7 +41,9 @@ def carry_out(settings: Settings, folder: Path, monitor: Monitor, *, figures: bo
             monitor.done(slide_line(slide))
         ended = time.process_time()
         monitor.stage("files and figures" if figures else "files")
-        test = FrictionTest(settings, plates, slides, packed - started, ready - packed)
+        test = FrictionTest(
+            settings=settings, plates=plates, slides=slides, packing_cpu_s=packed - started, setup_cpu_s=ready - packed
+        )
         numbers = summary(test, ended - packed)
         tops = envelopes(plates)
         write_data(folder, plates, tops, slides)

@@ -31,15 +31,15 @@ REST_S = 2e-6
 MISSED = 0.05
 """Difference of N from the pressure asked for at which the squeeze is corrected once more [-]."""
 CORRECTIONS = 20
-"""Of the squeeze, before it is given up."""
+"""How often the squeeze is corrected before it is given up."""
 STRAYING = 0.2
 """Rms difference of N from a constant load above which a slide carries a remark [-]."""
 START = 0.02
 """Part of the slide over which the speed is built up [-]."""
 CARRIAGE_MASS = 0.03
-"""Of the carriage at constant normal force, over the wheel's solid cube [-]: light, or it flies over valleys."""
+"""Mass of the carriage in force control, over the solid block's [-]; small, so that the plate follows valleys."""
 CARRIAGE_DAMPING = 0.1
-"""Of the carriage at constant normal force, over the critical one [-]: more would work against climbing spheres."""
+"""Damping of the carriage in force control, over the critical one [-]; more would work against climbing spheres."""
 
 
 class Explicit:

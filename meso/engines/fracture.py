@@ -42,7 +42,7 @@ SKIN = 0.2
 """Reach of the pairs near detached spheres beyond contact, in mean radii [-]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Broken:
     """The beams that broke, in time."""
 
@@ -71,9 +71,9 @@ class Account(Sums):
     kinetic: float
     """sum of m v-.v+ / 2 with the velocities half a step before and after: exact where the forces are linear [N mm]."""
     elastic: float
-    """Of the beams and external faces [N mm]."""
+    """Elastic energy of the beams and external faces [N mm]."""
     contact: float
-    """Of the contacts [N mm]."""
+    """Energy stored in the contacts [N mm]."""
 
     @property
     def stored(self) -> float:
@@ -142,7 +142,7 @@ class Breaking:
 
     @property
     def positions(self) -> FloatArray:
-        """Of the centres now, shape (n, 3) [mm]."""
+        """Places of the centres now, shape (n, 3) [mm]."""
         x: FloatArray = self.lattice.centres + self.u[:, :3]
         x[: self.wheel_nodes] += self.drive
         return x
@@ -155,7 +155,15 @@ class Breaking:
         ends = np.stack([self.lattice.first[bond], self.lattice.cols[bond]], axis=1)
         place = self.lattice.centres[ends].mean(axis=1)
         released = np.concatenate([np.empty(0), *(energy for *_, energy in self._log)])
-        return Broken(when[:, 0], when[:, 1], bond, self.mode[bond], ends, place, released)
+        return Broken(
+            time=when[:, 0],
+            slide=when[:, 1],
+            bond=bond,
+            mode=self.mode[bond],
+            ends=ends,
+            place=place,
+            released=released,
+        )
 
     @property
     def live(self) -> IntArray:
@@ -267,7 +275,11 @@ class Breaking:
         parameters[:, kernels.NORMAL_STIFFNESS] = np.where(known, axial, self.contact_modulus * 0.5 * touching)
         parameters[:, kernels.TANGENTIAL_STIFFNESS] = self.tangential_ratio * parameters[:, kernels.NORMAL_STIFFNESS]
         self._near = ContactCandidates(
-            np.stack([i, j], axis=1), lattice.centres[j] - lattice.centres[i], parameters, np.empty(0), np.empty(0)
+            pair=np.stack([i, j], axis=1),
+            offset=lattice.centres[j] - lattice.centres[i],
+            parameters=parameters,
+            first=np.empty(0),
+            last=np.empty(0),
         )
         history = self._near.at_rest()
         live = self._live[: self._window[1]]

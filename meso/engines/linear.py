@@ -63,7 +63,13 @@ class Linear:
         )  # fmt: skip
         self.steps += steps
         self._kinetic = 0.5 * total[6]
-        return Sums(total[:3] / steps, float(total[5]), float(total[3]), float(total[4]), 0.0)
+        return Sums(
+            force=total[:3] / steps,
+            work=float(total[5]),
+            friction=float(total[3]),
+            damping=float(total[4]),
+            released=0.0,
+        )
 
     def stored(self) -> tuple[float, float, float]:
         """Energy in the beams, in the contacts, and kinetic energy [N mm]."""

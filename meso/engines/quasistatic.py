@@ -26,7 +26,7 @@ ITERATIONS = 30
 HALVINGS = 8
 """How often an increment may be halved."""
 SQUEEZE_INCREMENTS = 8
-"""Of the approach; the contact law has no memory of it but in friction."""
+"""Number of increments of the approach; the contact law has no memory of it but in friction."""
 MARGIN = 0.003
 """How far elastic displacements may bring two spheres towards each other before the candidates are widened [mm]."""
 DEEPER = 0.002

@@ -56,7 +56,7 @@ class Pulled:
     force: FloatArray
     """Mean over each sample of the pull of both grips, shape (k,) [N]."""
     accounts: tuple[Account, ...]
-    """Of each sample."""
+    """Account of the energies at the end of each sample."""
 
 
 def ends(lattice: Lattice, depth: float) -> IntArray:

@@ -20,11 +20,11 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     poisson_ratio: float
     """nu_M that was asked for [-]."""
     radius_ratio: float
-    """r~ [-]."""
+    """Radius ratio r~ of the beams [-]."""
     stiffening: float
     """E_mu / E_M [-]."""
     beams_poisson_ratio: float
-    """nu_mu [-]."""
+    """Poisson ratio nu_mu of the beams [-]."""
     spheres: int
     """In each packing."""
     box: tuple[float, float, float]

@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 """Difference of heights that is taken for rounding [mm]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactCandidates:
     """Pairs in the order in which they begin, in the layout of `meso.kernels`."""
 
@@ -67,7 +67,13 @@ class ContactCandidates:
         return mine
 
 
-NOBODY = ContactCandidates(np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 4)), np.empty(0), np.empty(0))
+NOBODY = ContactCandidates(
+    pair=np.empty((0, 2), np.int64),
+    offset=np.empty((0, 3)),
+    parameters=np.empty((0, 4)),
+    first=np.empty(0),
+    last=np.empty(0),
+)
 """No candidate at all."""
 
 

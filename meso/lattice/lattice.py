@@ -22,12 +22,12 @@ BACK = 1.25
 """A sphere belongs to the back of its plate where its centre is closer than this many radii [-]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Lattice:
     """Nodes and beams in the layout of `meso.kernels`; a plate, or two joined."""
 
     centres: FloatArray
-    """Of the spheres, shape (n, 3) [mm]."""
+    """Centres of the spheres, shape (n, 3) [mm]."""
     radii: FloatArray
     """Shape (n,) [mm]."""
     masses: FloatArray

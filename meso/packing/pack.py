@@ -61,7 +61,7 @@ class Packing:
 
     @property
     def volume(self) -> float:
-        """Of the hull [mm3]."""
+        """Volume of the hull [mm3]."""
         along, across = self.surface.weights
         return self.size[0] * self.size[1] * (self.thickness + float(along @ self.surface.heights @ across))
 
@@ -77,7 +77,7 @@ class Packing:
 
     @property
     def largest_overlap(self) -> float:
-        """Of two spheres, over their mean radius [-]."""
+        """Largest overlap of two spheres, over their mean radius [-]."""
         i, j = self.contacts.T
         reach = self.radii[i] + self.radii[j]
         distance = np.linalg.norm(self.centres[j] - self.centres[i], axis=1)

@@ -11,7 +11,7 @@ from macrofit.base.arrays import FloatArray
 from .surface import Surface
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Roughness:
     """Measures of a levelled surface: of what is left when its mean plane is taken away."""
 

@@ -39,16 +39,7 @@ def found() -> dict[str, Measure]:
     return {measure.what: measure for measure in measures()}
 
 
-# Bars that are not kept yet; a line goes when its bar is.
-PENDING = {
-    'docstrings that begin with "Of" or are under 14 letters',
-    "records of 5 fields and more made by position",
-}
-
-
-@pytest.mark.parametrize(
-    "what", [pytest.param(what, marks=[pytest.mark.xfail] * (what in PENDING)) for what in MEASURES]
-)
+@pytest.mark.parametrize("what", MEASURES)
 def test_the_code_keeps_its_bar(what: str, found: dict[str, Measure]) -> None:
     measure = found[what]
     assert measure.kept, f"{measure.values}, bar {measure.bar}:\n" + "\n".join(measure.places)

@@ -202,7 +202,15 @@ def test_curve_means() -> None:
     x = np.linspace(0.0, 1.0, 5)
     normal = np.array([1.0, 2.0, 0.0, 2.0, 1.0])
     share = np.array([0.125, 0.25, 0.25, 0.25, 0.125])
-    curve = Curve(x, 0.0, normal, 0.1 * normal, x, share, float(share @ (0.1 * normal)))
+    curve = Curve(
+        displacement=x,
+        start=0.0,
+        normal=normal,
+        tangential=0.1 * normal,
+        height=x,
+        share=share,
+        tangential_work=float(share @ (0.1 * normal)),
+    )
     assert curve.mean_normal == pytest.approx(1.25)
     assert curve.coefficient == pytest.approx(0.1)
     assert curve.mean_of_ratio == pytest.approx(0.1)

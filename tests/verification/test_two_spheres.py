@@ -37,7 +37,14 @@ def sphere(x: float, z: float) -> Lattice:
 def spheres(settings: Settings) -> Plates:
     """Wheel sphere above, axle sphere MIDDLE farther along; the interference is counted from their first touch."""
     nothing = Packing(np.zeros((1, 3)), np.array([R]), Surface.flat((1.0, 1.0)), 1.0)
-    plates = Plates(settings, nothing, nothing, None, sphere(0.0, 2.0 * R), sphere(MIDDLE, 0.0))  # type: ignore[arg-type]
+    plates = Plates(
+        settings=settings,
+        wheel_packing=nothing,
+        axle_packing=nothing,
+        beams=None,
+        wheel=sphere(0.0, 2.0 * R),
+        axle=sphere(MIDDLE, 0.0),
+    )  # type: ignore[arg-type]
     object.__setattr__(plates, "first_touch", 0.0)
     return plates
 

@@ -126,7 +126,7 @@ def test_overlaps_nobody_knows_of_are_seen(plates: Plates, monkeypatch: pytest.M
 
     def few(self: Plates, *arguments: Any, **more: Any) -> ContactCandidates:
         all_of_them = rest(self, *arguments, **more)
-        return ContactCandidates(*(values[::3] for values in vars(all_of_them).values()))
+        return ContactCandidates(**{name: values[::3] for name, values in vars(all_of_them).items()})
 
     monkeypatch.setattr(Plates, "candidates", few)
     assert any("overlap" in fault for fault in checks.verdict(with_keys(plates, "engine.name=explicit")).faults)
