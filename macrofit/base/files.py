@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -26,7 +27,7 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        room = "make room, then give the same command, for a run or a study with --resume"
+        room = "make room, then give the same command, with --resume where it has that"
         remedy = room if error.errno in FULL else "choose another place with -o"
         raise OutputError(f"{path}: cannot be written: {error.strerror or error} ({remedy})") from error
 
@@ -86,6 +87,30 @@ def append_whole(descriptor: int, data: bytes) -> None:
     except BaseException:
         os.ftruncate(descriptor, end)
         raise
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep a folder, which is made, from other processes that ask for the same.
+
+    Raises:
+        OutputError: another process has it, or it cannot be made.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                f"{folder}: another process is writing into it; wait for it, or choose another place with -o"
+            ) from None
+        except OSError:  # a file system without locks
+            pass
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def force_to_disk(path: Path) -> None:

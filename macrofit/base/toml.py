@@ -98,6 +98,12 @@ def join_key(path: Sequence[str]) -> str:
     return ".".join(dump_toml({part: 0}).removesuffix(" = 0\n") for part in path)
 
 
+def last_part(key: str) -> str:
+    """The last part of a dotted key, without its quotes."""
+    path = _key_path(key)
+    return key if path is None else path[-1]
+
+
 def unknown_key(key: str, known: Sequence[str]) -> str:
     """What to say of a key that is not there, with the nearest one that is."""
     close = difflib.get_close_matches(key.rpartition(".")[2], known, n=1)

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
+from ..base.toml import split_override
 from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
 from ..friction import GivenFriction, ScriptFriction, load_options
 from ..monitor import Silent
@@ -288,7 +289,7 @@ def _start(
 
 def _value(scene: Scene, key: str, script: ScriptFriction | None) -> float:
     """The number a key has in the scene, or the default of the provider's option."""
-    *path, last = key.split(".")
+    *path, last = split_override(f"{key}=0")[0]
     value: Any = msgspec.to_builtins(scene)
     if path == ["friction", "options"]:
         value = _options(scene, script)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from ..base.figure import BLUE, VERMILION, save, sheet
 from ..base.files import write_json, write_text
 from ..base.ranks import raise_together
+from ..base.toml import last_part
 from ..results.folder import prepare
 from ..results.versions import versions
 from .fit import Identification, identify
@@ -121,7 +122,7 @@ def figure(found: Identification) -> Any:
     """Measured and fitted force against displacement, and the residual below."""
     drawn, (upper, lower) = sheet(7.0, 6.0, rows=2)
     fit = found.fit
-    name = found.key.rpartition(".")[2]
+    name = last_part(found.key)
     upper.plot(found.displacement, found.measured / 1e3, ".", color=VERMILION, ms=3, label="measured")
     label = f"fitted, {name} = {fit.value:.4g} ± {fit.standard_error:.1g}"
     upper.plot(found.displacement, fit.fitted / 1e3, color=BLUE, lw=1.6, label=label)

@@ -25,6 +25,7 @@ from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
 VERSION = 3
+"""Version of the frames and of what is in them; 2 had frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -195,7 +196,9 @@ def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
         content, end = next(frames(data, len(MAGIC)))
         header = msgspec.msgpack.decode(content, type=_Header)
     except (StopIteration, ValueError, msgspec.MsgspecError):
-        raise OutputError(f"{path}: its header is damaged; run without --resume") from None
+        raise OutputError(
+            f"{path}: its header is damaged, or of an older version of macrofit; run without --resume"
+        ) from None
     if header.version != VERSION:
         raise OutputError(f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume")
     return header, end

@@ -19,7 +19,8 @@ from macrofit.base.log import Log, frame, frames
 from ..errors import DatabaseError
 from .samples import SCHEMA, Header
 
-MAGIC = b"macrofit-surrogate journal 2\n"
+KIND = b"macrofit-surrogate journal"
+MAGIC = KIND + b" 2\n"
 
 
 class Sample(msgspec.Struct, frozen=True, array_like=True, tag="sample"):
@@ -76,6 +77,10 @@ def read_journal(path: Path) -> tuple[Header, Content, int]:
         data = path.read_bytes()
     except OSError as error:
         raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+    if data.startswith(KIND) and not data.startswith(MAGIC):
+        raise DatabaseError(
+            f"{path}: is of another version of macrofit; move it away, and its samples are computed again"
+        )
     if not data.startswith(MAGIC):
         raise DatabaseError(f"{path}: is not the journal of a database of samples; move it away")
     rows, failures = [], {}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from macrofit.base.errors import OutputError
-from macrofit.base.files import cache_folder, replacing, write_text
+from macrofit.base.files import alone_in, cache_folder, replacing, write_text
 
 
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -56,3 +56,11 @@ def test_folder_of_caches(own: str | None, base: str | None, folder: str, monkey
         else:
             monkeypatch.setenv(name, value)
     assert cache_folder() == Path(folder)
+
+
+def test_a_folder_is_for_one_process_at_a_time(tmp_path: Path) -> None:
+    taken = pytest.raises(OutputError, match="run: another process is writing into it")
+    with alone_in(tmp_path / "run"), taken, alone_in(tmp_path / "run"):
+        pass
+    with alone_in(tmp_path / "run"):
+        pass

@@ -9,7 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from macrofit.base.toml import TomlError, dump_toml, join_key, parse_toml, set_key, split_override, unknown_key
+from macrofit.base.toml import (
+    TomlError,
+    dump_toml,
+    join_key,
+    last_part,
+    parse_toml,
+    set_key,
+    split_override,
+    unknown_key,
+)
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 """Any characters, those of control included; lone surrogates are not Unicode text."""
@@ -110,3 +119,10 @@ def test_the_nearest_key_is_named() -> None:
 def test_what_is_not_toml_names_its_source(text: str) -> None:
     with pytest.raises(TomlError, match=r"^scene\.toml: not valid TOML: "):
         parse_toml(text, "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "last"), [("motion.travel", "travel"), ('friction.options."a.b"', "a.b"), ("a b", "a b")]
+)
+def test_the_last_part_of_a_key(key: str, last: str) -> None:
+    assert last_part(key) == last
