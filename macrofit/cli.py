@@ -89,10 +89,12 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
         from .base.ranks import raise_together
-        from .scene import load_scene
+        from .scene import idle_keys, load_scene
 
         with raise_together(comm):
             resolved = load_scene(scene, overrides)
+        for line in idle_keys(resolved) if comm.rank == 0 else []:
+            complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
         from .run import carry_out
@@ -269,9 +271,11 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     from .bodies.outlook import first_touch
     from .friction import registry
     from .results.summary import interference_line
-    from .scene import load_scene
+    from .scene import idle_keys, load_scene
 
     resolved = load_scene(scene, overrides)
+    for line in idle_keys(resolved):
+        complain(f"warning: {line}")
     registry.load(resolved.friction.provider, resolved.friction.options)
     for body in ("axle", "wheel"):
         file = getattr(resolved.mesh, body)

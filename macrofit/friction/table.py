@@ -24,9 +24,12 @@ from typing import ClassVar, NamedTuple, TypeAlias
 import msgspec
 import numpy as np
 
-from macrofit.errors import ProviderError
+from macrofit.base.files import read_regular
+from macrofit.errors import OutputError, ProviderError
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, IntArray, TilePairs
 
+MOST_BYTES = 20_000_000
+"""Size of a table; a thousand tiles have 40 kB, all pairs of them 20 MB."""
 VALUES = {"coefficient": LIMIT, "uncertainty": math.inf}
 """Columns of values, and what they must stay below."""
 
@@ -61,13 +64,14 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def _read(self) -> list[Row]:
         try:
-            rows = list(_rows(Path(self.file).read_text(encoding="utf-8-sig")))
+            rows = list(_rows(read_regular(Path(self.file), MOST_BYTES).decode("utf-8-sig")))
             _check_places(rows)
         except _Wrong as wrong:
             raise ProviderError(f"friction.options.file: {self.file}{wrong}") from None
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            told = getattr(error, "strerror", None) or error
-            raise ProviderError(f"friction.options.file: {self.file} cannot be read: {told}") from None
+        except OutputError as error:
+            raise ProviderError(f"friction.options.file: {error}") from None
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ProviderError(f"friction.options.file: {self.file} cannot be read: {error}") from None
         return rows
 
 

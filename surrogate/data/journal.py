@@ -14,11 +14,15 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from macrofit.base.errors import OutputError
+from macrofit.base.files import read_regular
 from macrofit.base.log import Log, frame, frames
 
 from ..errors import DatabaseError
 from .samples import SCHEMA, Header
 
+MOST_BYTES = 20_000_000_000
+"""Size of a journal; one of a million samples has 10 GB."""
 MAGIC = b"macrofit-surrogate journal 2\n"
 
 
@@ -73,9 +77,9 @@ def encode(entry: Sample | Failure) -> bytes:
 def read_journal(path: Path) -> tuple[Header, Content, int]:
     """Header, whole entries, and where the last of them ends [bytes]."""
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+        data = read_regular(path, MOST_BYTES)
+    except OutputError as error:
+        raise DatabaseError(str(error)) from None
     if not data.startswith(MAGIC):
         raise DatabaseError(f"{path}: is not the journal of a database of samples; move it away")
     rows, failures = [], {}

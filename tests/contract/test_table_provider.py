@@ -104,7 +104,7 @@ def test_a_wrong_file_is_told_with_its_line(file: Path, text: str, told: str) ->
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ProviderError, match=r"friction.options.file: .*none\.csv cannot be read: No such file"):
+    with pytest.raises(ProviderError, match=r"friction.options.file: .*none\.csv: cannot be read: No such file"):
         load("table", {"file": str(tmp_path / "none.csv")})
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ProviderError, match=r"binary\.csv cannot be read: .*utf-8"):
