@@ -68,7 +68,7 @@ def _bounded(path: Path, found: os.stat_result, most_bytes: int) -> int:
 
 
 def _too_large(path: Path, size: str, most_bytes: int) -> str:
-    return f"{path}: cannot be read: holds {size}, and a file of this kind at most {in_bytes(most_bytes)}"
+    return f"{path}: cannot be read: is larger than {in_bytes(most_bytes)}, the most for a file of its kind ({size})"
 
 
 def in_bytes(size: int) -> str:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import csv
 import math
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar, NamedTuple, TypeAlias
@@ -59,8 +60,25 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The provider for tiles of this length."""
         rows = self._read()
         if "z_mm" in rows[0][1]:
+            self._check_reach(rows, context)
             return Along(context.seat_origin, context.tile_size, *_columns(rows, "z_mm"))
         return ByPair(self.file, *_columns(rows, "seat", "bore"))
+
+    def _check_reach(self, rows: list[Row], context: BuildContext) -> None:
+        """Refuse places in another unit than mm, and warn of ones that leave most of the seat to the end values.
+
+        Raises:
+            ProviderError: the places reach over a hundredth of the seat, or over a hundred times it.
+        """
+        low, high = rows[0][1]["z_mm"], rows[-1][1]["z_mm"]
+        first, last = context.seat_origin, context.seat_origin + context.seat_tiles * context.tile_size
+        if len(rows) < 2:
+            return
+        told = f"friction.options.file: {self.file}: z_mm reaches from {low:g} to {high:g}, the seat to {last:g} mm"
+        if not 0.01 < (high - low) / (last - first) < 100.0:
+            raise ProviderError(f"{told}; are they in {'m' if high - low < last - first else 'µm'}? write them in mm")
+        if min(high, last) - max(low, first) < 0.5 * (last - first):
+            warnings.warn(f"{told}; beyond, the values of the ends are kept", stacklevel=2)
 
     def _read(self) -> list[Row]:
         try:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..base.textfile import TextTable, read_text_table
+from ..base.units import AMBIGUOUS, FORCES, LENGTHS, Heading, kind_of, known_unit, read_heading
 from ..errors import OutputError
-from .units import AMBIGUOUS, FORCES, LENGTHS, Heading, kind_of, known_unit, read_heading
 
 MOST_BYTES = 100_000_000
 """Size of a curve; an hour at 1 kHz has about as much."""

@@ -1,4 +1,4 @@
-"""Units in the header of a measured curve: found by their kind, and named where they are not known."""
+"""Units in the header of a measured table: found by their kind, and named where they are not known."""
 
 from __future__ import annotations
 
