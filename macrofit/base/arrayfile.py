@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tokenize
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,13 @@ import numpy.typing as npt
 
 from .errors import OutputError
 from .files import read_regular
+
+
+DAMAGED = (
+    ValueError, EOFError, SyntaxError, TypeError, KeyError, OverflowError, RecursionError, MemoryError,
+    tokenize.TokenError,
+)  # fmt: skip
+"""What numpy raises on a file that is not what it should be."""
 
 
 def read_npy(path: Path, most_bytes: int) -> npt.NDArray[Any]:
@@ -34,5 +42,5 @@ def read_npy(path: Path, most_bytes: int) -> npt.NDArray[Any]:
             raise ValueError(f"its head states {'x'.join(map(str, shape))} of {kind}, and {held} bytes follow")
         file.seek(0)
         return np.asarray(np.load(file, allow_pickle=False))
-    except (ValueError, EOFError, SyntaxError, TypeError, OverflowError, RecursionError, MemoryError) as error:
+    except DAMAGED as error:
         raise OutputError(f"{path}: is no .npy array of numbers, or a damaged one ({error})") from None

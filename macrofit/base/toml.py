@@ -57,8 +57,10 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         tables = tomllib.loads(text)
     except RecursionError:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}") from None
-    except ValueError as error:  # TOMLDecodeError is one, and an integer of thousands of digits another
+    except tomllib.TOMLDecodeError as error:
         raise TomlError(f"{source}: not valid TOML: {error}") from None
+    except ValueError:
+        raise TomlError(f"{source}: not valid TOML: an integer of thousands of digits") from None
     if depth_of(tables) > DEEPEST:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}")
     return tables

@@ -189,7 +189,7 @@ def _rows(text: str) -> Iterator[Row]:
         if columns is None:
             columns = _header(number, cells)
         elif len(cells) != len(columns.given):
-            raise _Wrong(f", line {number}: has {len(cells)} cells, not {len(columns.given)}: {line.strip()!r}")
+            raise _Wrong(f", line {number}: has {len(cells)} cells, not {len(columns.given)}: {line.strip()[:60]!r}")
         else:
             yield number, {name: _number(number, name, cell) for name, cell in zip(columns.given, cells, strict=True)}
     if columns is None:
@@ -202,7 +202,7 @@ def _header(number: int, cells: list[str]) -> _Columns:
             if sorted(cells) == sorted([*place, "coefficient", *more]):
                 return _Columns(place, cells)
     raise _Wrong(
-        f", line {number}: the columns are {','.join(cells)!r}; "
+        f", line {number}: the columns are {','.join(cells)[:60]!r}; "
         "take z_mm,coefficient or seat,bore,coefficient, and perhaps uncertainty"
     )
 
@@ -211,13 +211,13 @@ def _number(line: int, column: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise _Wrong(f", line {line}: {column} is {cell!r}, not a number") from None
+        raise _Wrong(f", line {line}: {column} is {cell[:40]!r}, not a number") from None
     if not math.isfinite(value):
-        raise _Wrong(f", line {line}: {column} is {cell}, not a finite number")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}, not a finite number")
     if column in VALUES and not 0.0 <= value < VALUES[column]:
-        raise _Wrong(f", line {line}: {column} is {cell}; take 0 <= {column} < {VALUES[column]:g}")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}; take 0 <= {column} < {VALUES[column]:g}")
     if column in ("seat", "bore") and not (value.is_integer() and 0 <= value < 2**31):
-        raise _Wrong(f", line {line}: {column} is {cell}, not the number of a tile, 0, 1, 2, ...")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}, not the number of a tile, 0, 1, 2, ...")
     return value
 
 

@@ -187,6 +187,7 @@ def _find_start(table: TextTable) -> tuple[list[list[str]], list[str]]:
     for place, text, cells in table.rows():
         if text.startswith("#"):
             preamble.append(table.style.cells(text.lstrip("# ")))
+            numeric = numeric and table.style.number(table.style.cells(line)[0]) is not None
             continue
         numbers = sum(table.style.number(cell) is not None for cell in cells)
         if numbers >= 2 and not numeric:
@@ -230,7 +231,7 @@ def _choose(
         OutputError: they cannot be told from the others.
     """
     width = len(first)
-    commas = table.style.separator == "," and not any("." in line or '"' in line for _, line in table.lines[-100:])
+    commas = table.style.separator == "," and not any("." in line or '"' in line for _, line in table.lines[-3:])
     if headings is None and commas and width > 2:
         raise OutputError(
             f"{table.path}: commas may be decimal signs and separators at once; write decimal points, another "
