@@ -10,11 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.arrays import FloatArray
-from ..errors import MeshError
+from ..base.files import check_regular
+from ..errors import MeshError, OutputError
 from .geometry import Drawing
 
 IntArray = npt.NDArray[np.int64]
 
+MOST_BYTES = 1_000_000_000
+"""Size of a mesh file; one of a million nodes has 0.1 GB."""
 REQUIRED = {"axle": ("seat", "held"), "wheel": ("bore", "pushed")}
 
 
@@ -134,8 +137,10 @@ def read_mesh(path: str, body: str) -> MeshData:
     import meshio
 
     file = Path(path)
-    if not file.is_file():
-        raise MeshError(f"mesh.{body}: no file '{path}'")
+    try:
+        check_regular(file, MOST_BYTES)
+    except OutputError as error:
+        raise MeshError(f"mesh.{body}: no file '{path}'" if not file.exists() else f"mesh.{body}: {error}") from None
     try:
         mesh = meshio.read(file)
     except (Exception, SystemExit) as error:
