@@ -49,17 +49,19 @@ WORDS: dict[Kind, str] = {
 """Names of columns by their kind, whole words in small letters."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Heading:
     """What the head of a column says."""
 
     name: str
-    unit: str | None
+    unit: str | None = None
     """As in `LENGTHS`, `FORCES` or `TIMES`; None where none is named."""
-    kind: Kind | None
+    kind: Kind | None = None
     """By the unit, or else by the name."""
-    strange: str | None
+    strange: str | None = None
     """A unit that is not known, or may be more than one."""
+    last: str | None = None
+    """A last word that may be such a unit, or a part of the name."""
 
 
 def read_heading(name: str, unit: str | None = None) -> Heading:
@@ -74,9 +76,10 @@ def read_heading(name: str, unit: str | None = None) -> Heading:
     certain = unit is not None or (found is not None and found.re is _BRACKETED)
     known = known_unit(written)
     if known is not None and said in (None, kind_of(known)):
-        return Heading(name, known, kind_of(known), None)
+        return Heading(name=name, unit=known, kind=kind_of(known))
     strange = (certain and written not in ("", "-")) or (known is None and written.lower() in (*OTHERS, *AMBIGUOUS))
-    return Heading(name, None, said or kind_by_name(name), written if strange else None)
+    last = written if found is not None and known is None and kind_by_name(written) is None else None
+    return Heading(name=name, kind=said or kind_by_name(name), strange=written if strange else None, last=last)
 
 
 _BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")

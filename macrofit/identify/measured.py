@@ -52,7 +52,7 @@ class Reading:
     """Is added to the displacements [mm]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Column:
     index: int
     heading: Heading | None
@@ -237,13 +237,13 @@ def _choose(
             f"{table.path}: commas may be decimal signs and separators at once; write decimal points, another "
             f"separator, or a header with the names of all {width} columns"
         )
-    if asked is not None:
-        found = [_asked(table.path, name, headings, width) for name in asked]
-    else:
-        found = _by_kind(table, headings, first)
+    found = (
+        _by_kind(table, headings, first) if asked is None else [_asked(table.path, n, headings, width) for n in asked]
+    )
+    chosen = (found[0], found[1])
     return (
-        _column(table.path, found[0], headings, LENGTHS, "mm"),
-        _column(table.path, found[1], headings, FORCES, "N"),
+        _column(table.path, chosen, 0, headings, LENGTHS, "mm"),
+        _column(table.path, chosen, 1, headings, FORCES, "N"),
     )
 
 
@@ -291,24 +291,33 @@ def _ours(headings: list[Heading]) -> bool:
     return [heading.name for heading in headings[:3]] == ["displacement_mm", "force_N", "normal_force_N"]
 
 
-def _column(path: Path, index: int, headings: list[Heading] | None, known: dict[str, float], default: str) -> _Column:
-    """A column with its unit.
+def _column(
+    path: Path,
+    chosen: tuple[int, int],
+    which: int,
+    headings: list[Heading] | None,
+    known: dict[str, float],
+    default: str,
+) -> _Column:
+    """One of the two columns with its unit.
 
     Raises:
         OutputError: the unit is not known, or not of this kind.
     """
-    heading = None if headings is None else headings[index]
-    strange = None if heading is None else heading.strange
-    unit = None if heading is None else heading.unit
+    if headings is None:
+        return _Column(index=chosen[which], heading=None, unit=default, factor=1.0, assumed=True)
+    heading, other = headings[chosen[which]], headings[chosen[1 - which]]
+    strange, unit = heading.strange, heading.unit
+    if strange is None and unit is None and other.unit is not None:  # where one names its unit, so may the other
+        strange = heading.last
     if strange is None and unit is not None and unit not in known:
         strange = unit
     if strange is not None:
         meant = AMBIGUOUS.get(strange.lower())
-        raise OutputError(
-            f"{path}: unit '{strange}' in its header is not known"
-            + (f": write {meant}" if meant else f"; take one of {', '.join(known)}")
-        )
-    return _Column(index, heading, unit or default, known[unit or default], unit is None)
+        remedy = f": write {meant}" if meant else f"; take one of {', '.join(known)}"
+        raise OutputError(f"{path}: unit '{strange}' in its header is not known{remedy}")
+    factor = known[unit or default]
+    return _Column(index=chosen[which], heading=heading, unit=unit or default, factor=factor, assumed=unit is None)
 
 
 def _numbers(table: TextTable, skip: int, width: int, chosen: tuple[int, int]) -> tuple[list[int], FloatArray]:

@@ -75,7 +75,8 @@ def read_face(path: Path, body: Body, points: int = POINTS) -> HeightArray:
         table = read_npy(path, MOST_BYTES) if path.suffix == ".npy" else _read_text(path)
         if table.dtype.kind not in "fiu":
             raise OutputError(f"{path}: is no table of heights: its numbers are {table.dtype}, not real ones")
-        face = Surface(table, (length, 1.0))
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused
+            face = Surface(table, (length, 1.0))
     except OutputError as error:
         raise PredictionError(str(error)) from None
     except MesoError as error:

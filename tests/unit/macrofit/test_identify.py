@@ -107,6 +107,7 @@ def test_a_fitting_curve_of_ours_is_read(tmp_path):
         ("x [mm],F [ton]\n0,1\n1,2\n", "unit 'ton' in its header is not known: write tf (1000 kg) or kip"),
         ("x [mm],F [mN]\n0,1\n1,2\n", "unit 'mN' in its header is not known: write MN or N"),
         ("x [furlong],F [kN]\n0,1\n1,2\n", "unit 'furlong' in its header is not known; take one of mm, cm, m"),
+        ("x mm,load furlong\n0,1\n1,2\n", "unit 'furlong' in its header is not known; take one of N, daN"),
         ("x mm,load psi\n0,1\n1,2\n", "unit 'psi' in its header is not known; take one of N, daN"),
         ("PK\x03\x04", "is no text but a spreadsheet"),
         ("1,2\x00\n", "is no text in UTF-8"),
