@@ -68,14 +68,14 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Refuse places in another unit than mm, and warn of ones that leave most of the seat to the end values.
 
         Raises:
-            ProviderError: the places reach over a hundredth of the seat, or over a hundred times it.
+            ProviderError: the places reach over less than 0.003 of the seat (metres), or over 300 times it (micrometres).
         """
         low, high = rows[0][1]["z_mm"], rows[-1][1]["z_mm"]
         first, last = context.seat_origin, context.seat_origin + context.seat_tiles * context.tile_size
         if len(rows) < 2:
             return
         told = f"friction.options.file: {self.file}: z_mm reaches from {low:g} to {high:g}, the seat to {last:g} mm"
-        if not 0.01 < (high - low) / (last - first) < 100.0:
+        if not 0.003 < (high - low) / (last - first) < 300.0:
             raise ProviderError(f"{told}; are they in {'m' if high - low < last - first else 'µm'}? write them in mm")
         if min(high, last) - max(low, first) < 0.5 * (last - first):
             warnings.warn(f"{told}; beyond, the values of the ends are kept", stacklevel=2)
