@@ -68,7 +68,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Refuse places in another unit than mm, and warn of ones that leave most of the seat to the end values.
 
         Raises:
-            ProviderError: the places reach over less than 0.003 of the seat (metres), or over 300 times it (micrometres).
+            ProviderError: the places reach over 0.003 of the seat (metres), or over 300 times it (micrometres).
         """
         low, high = rows[0][1]["z_mm"], rows[-1][1]["z_mm"]
         first, last = context.seat_origin, context.seat_origin + context.seat_tiles * context.tile_size
