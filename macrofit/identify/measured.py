@@ -163,7 +163,8 @@ def check_scale(measured: FloatArray, computed: FloatArray, assumed: Sequence[st
     """
     top, reached = float(np.abs(measured).max()), float(np.abs(computed).max())
     if reached == 0.0:
-        raise OutputError("the scene needs no force where the curve was measured; nothing can be found from it")
+        hint = ": are its displacements in mm? name their unit in the header" if "mm" in assumed else ""
+        raise OutputError(f"the scene needs no force where the curve was measured; nothing can be found from it{hint}")
     bound = NEAR if "N" in assumed else FAR
     if top > 0.0 and 1.0 / bound < top / reached < bound:
         if float(measured @ computed) <= 0.0:
