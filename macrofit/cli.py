@@ -298,6 +298,7 @@ def providers() -> None:
 @changes
 def check(scene: str, overrides: tuple[str, ...]) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
+    from .base.progress import printable
     from .bodies.mesh import read_mesh
     from .bodies.outlook import first_touch
     from .friction import registry
@@ -314,7 +315,7 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
             read_mesh(file, body)
     places = resolved.displacements
     if resolved.title:
-        click.echo(f"Title           {resolved.title}")
+        click.echo(f"Title           {printable(resolved.title)}")
     if resolved.interference is not None:
         click.echo(interference_line(resolved.interference))
     click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")

@@ -10,6 +10,7 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.errors import OutputError
+from macrofit.base.progress import is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ def main() -> None:
 
     SETTINGS is a TOML file; without it every key has its default. Lengths are in mm, forces in N, moduli in MPa.
     """
+    if not is_first_rank():  # nothing here is divided among ranks: under mpirun the first one does it all
+        click.get_current_context().exit()
     few_threads()
 
 

@@ -12,6 +12,8 @@ Shown = TypeVar("Shown")
 
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
 """Variables of a process that mpirun started."""
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+"""Variables that hold the rank of such a process."""
 REFRESH_S = 0.1
 """Shortest time between two redraws of a bar [s]: drawing costs as much as a small increment."""
 
@@ -19,6 +21,11 @@ REFRESH_S = 0.1
 def launched() -> bool:
     """Whether mpirun started this process."""
     return any(name in os.environ for name in LAUNCHED)
+
+
+def is_first_rank() -> bool:
+    """Whether this process is alone or the first that mpirun started; asked of the launcher, without MPI."""
+    return next((os.environ[name] for name in RANKS if name in os.environ), "0") == "0"
 
 
 def way_of_showing(*, quiet: bool) -> Literal["bar", "lines", "nothing"]:
@@ -35,8 +42,13 @@ def suited(bar: Callable[[], Shown], lines: Callable[[], Shown], nothing: Callab
 
 
 def say(text: str, stream: IO[str] | None = None) -> None:
-    """One plain line, at once."""
-    print(text, file=stream or sys.stdout, flush=True)
+    """One plain line, at once; characters of control are shown, not obeyed."""
+    print(printable(text), file=stream or sys.stdout, flush=True)
+
+
+def printable(text: str) -> str:
+    """The text with every character that would move or colour the terminal written as its code."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
 def duration(seconds: float) -> str:

@@ -385,6 +385,8 @@ def _start(
 def _value(scene: Scene, key: str, script: ScriptFriction | None) -> float:
     """The number a key has in the scene, or the default of the provider's option."""
     *path, last = split_override(f"{key}=0")[0]
+    if path == ["motion"]:
+        raise SceneError(f"{key}: changes where forces are computed, so no curve can tell it; name another with --key")
     value: Any = msgspec.to_builtins(scene)
     if path == ["friction", "options"]:
         value = _options(scene, script)

@@ -421,6 +421,7 @@ def test_the_command_writes_its_files(scene_file):
     [
         (["--key", "friction.options.micro"], "no option of friction provider 'uniform'"),
         (["--key", "wheel.bore"], "wheel.bore: no such key"),
+        (["--key", "motion.increment"], "motion.increment: changes where forces are computed"),
         (["--key", "title"], "not a number"),
         (["--bounds", "1"], "write low,high"),
         (["--bounds", "0.2,0.1"], "the lower bound must be below"),
