@@ -7,7 +7,7 @@ from pathlib import Path
 from conftest import Mpirun
 
 ROOT = Path(__file__).parents[2]
-SMALL = ["--no-figures", "--set", "plates.spheres=300", "--set", "engine.increment=0.05"]
+SMALL = ["--no-figures", "--set", "plates.spheres=900", "--set", "engine.increment=0.05"]
 
 
 def test_one_rank_makes_a_friction_test(tmp_path: Path, mpirun: Mpirun) -> None:
