@@ -276,7 +276,7 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     for body in ("axle", "wheel"):
         file = getattr(resolved.mesh, body)
         if file is not None:
-            read_mesh(file, body)
+            read_mesh(file, body, resolved.mesh.unit)
     places = resolved.displacements
     if resolved.title:
         click.echo(f"Title           {resolved.title}")

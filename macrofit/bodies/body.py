@@ -93,8 +93,7 @@ class Body:
         self.material = spec.material
         keys = scene.mesh
         if isinstance(spec, MeshFile):
-            data = read_mesh(str(getattr(keys, which)), which)
-            generatrix = None
+            data, generatrix = read_mesh(str(getattr(keys, which)), which, keys.unit), None
         else:
             drawing = draw_body(spec, contact, Sizes.of(keys, contact))
             facets = sum(edge.name == contact for edge in drawing.edges)
@@ -108,6 +107,7 @@ class Body:
             which,
             generatrix,
             self.material,
+            middles=data.middles.get(contact),
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
@@ -226,7 +226,7 @@ class Body:
 def compile_form(order: int) -> None:
     """Compile the elastic form of an order, or find it compiled."""
     corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
-    discretise(MeshData(corner, np.array([[0, 1, 2]]), {}), order, weak_form, (1.0, 1.0))
+    discretise(MeshData(points=corner, triangles=np.array([[0, 1, 2]]), edges={}), order, weak_form, (1.0, 1.0))
 
 
 def _contact_line(
@@ -236,6 +236,7 @@ def _contact_line(
     generatrix: Generatrix | None,
     material: Material,
     *,
+    middles: FloatArray | None,
     radial: bool,
     with_cells: bool,
 ) -> tuple[ContactLine, IntArray]:
@@ -269,7 +270,8 @@ def _contact_line(
     normals[inward] *= -1.0
     if generatrix is None:
         ends = np.append(start, end[-1:], axis=0)
-        generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
+        along = [axis, 1 - axis]
+        generatrix = polyline(ends[:, along], None if middles is None else middles[order][:, along])
     line = ContactLine(
         order=space.order,
         radial=radial,

@@ -8,7 +8,7 @@ r(z) where the gap is radial, z(r) where it is axial.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from itertools import pairwise
 
@@ -19,6 +19,9 @@ from ..scene.keys import Disc, Hub, MeshKeys, Shaft
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
+
+FLATTEST = 1e-7
+"""Height of an arc below which a piece of a file's contact line is straight, in its lengths."""
 
 
 @dataclass(frozen=True)
@@ -122,19 +125,42 @@ class Drawing:
     sizes: Sizes
 
 
-def polyline(points: FloatArray) -> Generatrix:
-    """The generatrix through points (s, h) in ascending s: what a mesh file gives."""
+def polyline(points: FloatArray, middles: FloatArray | None = None) -> Generatrix:
+    """The generatrix through points (s, h) in ascending s, and between them through ``middles``: what a file gives.
+
+    An arc passes through both ends and the middle (s, h) of a piece that is curved, a line otherwise.
+    """
     s, h = points.T
-    n = len(s) - 1
-    zero = np.zeros(n)
-    return Generatrix(
+    zero = np.zeros(len(s) - 1)
+    line = Generatrix(
         breaks=s.copy(),
         height0=h[:-1].copy(),
         slope0=np.diff(h) / np.diff(s),
         bend=zero,
         centre_s=zero,
         centre_h=zero,
-        radius=np.ones(n),
+        radius=np.ones(len(s) - 1),
+    )
+    return line if middles is None else _curved(line, points, middles)
+
+
+def _curved(line: Generatrix, points: FloatArray, middles: FloatArray) -> Generatrix:
+    """The generatrix with the circle through the ends and the middle of each piece that is not straight."""
+    a, b, m = points[:-1], points[1:], middles
+    chord = b - a
+    length = np.hypot(*chord.T)
+    cross = chord[:, 0] * (m - a)[:, 1] - chord[:, 1] * (m - a)[:, 0]
+    bends = np.abs(cross) > FLATTEST * length**2
+    doubled = np.where(bends, 2.0 * cross, 1.0)
+    square_b, square_m = (chord**2).sum(axis=1), ((m - a) ** 2).sum(axis=1)
+    centre_s = (square_m * -chord[:, 1] + square_b * (m - a)[:, 1]) / doubled
+    centre_h = (square_m * chord[:, 0] - square_b * (m - a)[:, 0]) / doubled
+    return replace(
+        line,
+        bend=np.where(bends, np.sign(cross), 0.0),
+        centre_s=np.where(bends, a[:, 0] + centre_s, 0.0),
+        centre_h=np.where(bends, a[:, 1] + centre_h, 0.0),
+        radius=np.where(bends, np.hypot(centre_s, centre_h), 1.0),
     )
 
 

@@ -41,7 +41,7 @@ def seat_ends(scene: Scene) -> FloatArray | None:
     if scene.mesh.axle is None:
         return None
     try:
-        mesh = read_mesh(scene.mesh.axle, "axle")
+        mesh = read_mesh(scene.mesh.axle, "axle", scene.mesh.unit)
     except MacrofitError:
         return None
     column = 1 if scene.direction == "radial" else 0

@@ -107,6 +107,10 @@ class MeshKeys(Keys, frozen=True):
     ] = 0.35
     axle: Annotated[str | None, told("Mesh file of the axle, looked for beside the scene.")] = None
     wheel: Annotated[str | None, told("Mesh file of the wheel, looked for beside the scene.")] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        told("Unit of length of the mesh files; left out: mm, and a body below 1 mm is taken for a mistake."),
+    ] = None
 
 
 class ContactKeys(Keys, frozen=True):
@@ -126,6 +130,12 @@ class ContactKeys(Keys, frozen=True):
     direction: Annotated[
         Literal["radial", "axial"] | None, told("Direction of the gap; left out: by the shapes of the bodies.")
     ] = None
+    allow_no_contact: Annotated[
+        bool,
+        told(
+            "Whether bodies may never meet, or overlap where no contact is looked for; otherwise the scene is refused."
+        ),
+    ] = False
 
 
 class Motion(Keys, frozen=True):

@@ -1,0 +1,102 @@
+"""Mesh files by their format: Abaqus decks by `abaqus`, all others through meshio."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import MeshError
+from .abaqus import read_deck
+from .raw import RawMesh
+
+MaskArray = npt.NDArray[np.bool_]
+
+LARGEST = 2**29
+"""Size of the largest file that is read [bytes]; a million triangles take some 1e8."""
+
+
+def read_contents(file: Path, body: str, where: str) -> RawMesh:
+    """What a body's file holds, by the reader of its kind; ``where`` begins the message of an error.
+
+    Raises:
+        MeshError: it cannot be read.
+    """
+    try:
+        if not file.exists():
+            raise MeshError(f"mesh.{body}: no file '{file}'")
+        if not file.is_file():
+            raise MeshError(f"{where} is not a regular file")
+        if file.stat().st_size > LARGEST:
+            raise MeshError(f"{where} has {file.stat().st_size / 2**20:.0f} MiB; at most {LARGEST >> 20} are read")
+        return read_deck(file, where) if file.suffix.lower() == ".inp" else _through_meshio(file, where)
+    except (OSError, MemoryError) as error:
+        raise MeshError(f"{where} cannot be read: {error or type(error).__name__}") from None
+
+
+def _through_meshio(file: Path, where: str) -> RawMesh:
+    """The file through meshio; what meshio prints belongs into the message."""
+    import meshio
+
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(said), np.errstate(all="ignore"):
+            mesh = meshio.read(file)
+        if "not closed" in said.getvalue():
+            raise MeshError(f"{where} cannot be read: it is cut off; write it again")
+        return _raw(mesh, where)
+    except MeshError:
+        raise
+    except (Exception, SystemExit) as error:
+        words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        raise MeshError(f"{where} cannot be read: {words[:200]}") from None
+
+
+def _raw(mesh: Any, where: str) -> RawMesh:
+    """What meshio found, with the names of boundaries wherever its formats keep them."""
+    raw = RawMesh(points=np.asarray(mesh.points, dtype=np.float64))
+    if raw.points.ndim != 2 or raw.points.shape[1] < 2:
+        raise MeshError(f"{where} holds no points; is its name's ending that of its format?")
+    for k, block in enumerate(mesh.cells):
+        data = np.asarray(block.data, dtype=np.int64)
+        if block.type in ("triangle", "triangle6", "triangle7"):
+            raw.triangles.append(data[:, : 3 if block.type == "triangle" else 6])
+        elif block.type in ("quad", "quad8", "quad9"):
+            raw.quads.append(data[:, : 4 if block.type == "quad" else 8])
+        elif block.type in ("line", "line3"):
+            for name, chosen in _names(mesh, k, len(data)):
+                raw.lines.setdefault(name, []).append(data[chosen][:, :2])
+        elif block.type != "vertex":
+            raise MeshError(
+                f"{where} holds elements '{block.type}', which are not read; write triangles or quadrilaterals of "
+                f"first or second order in the plane x = r, y = z"
+            )
+    for name, members in getattr(mesh, "point_sets", {}).items():
+        raw.nodes.setdefault(name, []).append(np.asarray(members, dtype=np.int64).ravel())
+    if "point_tags" in mesh.point_data:
+        tags = np.asarray(mesh.point_data["point_tags"])
+        for tag, names in getattr(mesh, "point_tags", {}).items():
+            for name in names:
+                raw.nodes.setdefault(name, []).append(np.flatnonzero(tags == tag))
+    raw.others = {name: "elements" for name in [*mesh.field_data, *mesh.cell_sets] if not name.startswith("gmsh:")}
+    return raw
+
+
+def _names(mesh: Any, k: int, count: int) -> list[tuple[str, MaskArray]]:
+    """Names of the lines of block k, each with those that bear it: groups, sets, families, arrays of 0 and 1."""
+    tags = {key: np.asarray(values[k]) for key, values in mesh.cell_data.items()}
+    found: list[tuple[str, MaskArray]] = []
+    for name, value in mesh.field_data.items():
+        if "gmsh:physical" in tags and np.ravel(value)[1] == 1:
+            found.append((name, tags["gmsh:physical"] == np.ravel(value)[0]))
+    for name, blocks in mesh.cell_sets.items():
+        members = np.asarray([] if blocks[k] is None else blocks[k], dtype=np.int64).ravel()
+        found.append((name, np.isin(np.arange(count), members)))
+    for tag, names in getattr(mesh, "cell_tags", {}).items():
+        found += [(name, tags["cell_tags"] == tag) for name in names if "cell_tags" in tags]
+    found += [(name, values != 0) for name, values in tags.items() if values.ndim == 1 and name != "cell_tags"]
+    return [(name, chosen) for name, chosen in found if ":" not in name and chosen.any()]
