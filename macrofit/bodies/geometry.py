@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..scene.keys import Disc, Hub, MeshKeys, Shaft
+from ..scene.profile import bore_profile, seat_profile
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
@@ -209,12 +210,12 @@ def draw_body(body: object, contact: str, sizes: Sizes) -> Drawing:
 
 @draw_body.register
 def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
-    seat, length, taper = axle.seat_radius, axle.seat_length, axle.taper_length
-    mouth = seat - axle.taper_height
-    profile = [(-taper, mouth), (0.0, seat), (length, seat)] if taper > 0.0 else [(0.0, seat), (length, seat)]
+    length, taper = axle.seat_length, axle.taper_length
+    profile = seat_profile(axle)
+    mouth, end = profile[0][1], profile[-1][1]
     generatrix = blended(profile, [axle.taper_blend])
     lead = mouth if axle.lead_radius is None else axle.lead_radius
-    tail = seat if axle.tail_radius is None else axle.tail_radius
+    tail = end if axle.tail_radius is None else axle.tail_radius
     first, last, inner = -taper - axle.lead_length, length + axle.tail_length, axle.inner_radius
     corners: list[tuple[Point, str, float]] = [  # corner, name of the edge that ends there, fillet
         ((tail, length), "", axle.tail_blend),
@@ -226,21 +227,20 @@ def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
         ((mouth, -taper), "", 0.0),
     ]
     contact_edges = _contact_edges(generatrix, sizes, contact, radial=True)
-    return Drawing((*contact_edges, *_closing((seat, length), corners)), generatrix, contact, sizes)
+    return Drawing((*contact_edges, *_closing((end, length), corners)), generatrix, contact, sizes)
 
 
 @draw_body.register
 def _(wheel: Hub, contact: str, sizes: Sizes) -> Drawing:
-    bore, rear = wheel.bore_radius, -wheel.hub_length
-    mouth = (0.0, bore + wheel.chamfer_height)
-    corner = (-wheel.chamfer_length, bore)
-    profile = [(rear + wheel.rear_edge_blend, bore), corner, mouth]
-    if wheel.chamfer_length == 0.0:
-        profile = [profile[0], mouth]
-    generatrix = blended(profile, [wheel.chamfer_blend])
+    profile = bore_profile(wheel)
+    (rear, bore), mouth = profile[0], profile[-1]
     closing = [((bore, rear), "pushed", 0.0)]
     if wheel.rear_edge_blend > 0.0:
-        generatrix, closing = _round_rear_edge(generatrix, bore, rear, wheel.rear_edge_blend)
+        edge = _rear_edge(rear, bore, 0.5 * wheel.bore_taper, wheel.rear_edge_blend)
+        profile[0] = edge.tangent
+        generatrix, closing = edge.rounded(blended(profile, [wheel.chamfer_blend])), edge.closing()
+    else:
+        generatrix = blended(profile, [wheel.chamfer_blend])
     corners = [
         ((wheel.hub_outer_radius, 0.0), "", 0.0),
         *_web(wheel),
@@ -306,29 +306,35 @@ def _fillet(before: Point, corner: Point, after: Point, radius: float) -> list[P
     return [tuple((centre + radius * (math.sin(t) * d1 - math.cos(t) * normal)).tolist()) for t in steps]
 
 
-def _round_rear_edge(
-    generatrix: Generatrix, bore: float, rear: float, radius: float
-) -> tuple[Generatrix, list[tuple[Point, str, float]]]:
-    """Round the bore's rear edge; the arc up to 45 degrees belongs to the contact line, the rest does not."""
-    half = radius * math.sqrt(0.5)
-    first = rear + radius - half
-    arc = (first, bore + radius - half, -1.0, -1.0, rear + radius, bore + radius, radius)
-    rows = np.array(
-        [
-            generatrix.breaks[:-1],
-            generatrix.height0,
-            generatrix.slope0,
-            generatrix.bend,
-            generatrix.centre_s,
-            generatrix.centre_h,
-            generatrix.radius,
-        ]
-    ).T
-    rounded = _assemble([arc, *(tuple(row) for row in rows)], float(generatrix.breaks[-1]))
-    angles = np.radians([90.0, 75.0, 60.0, 45.0])
-    rest = [(bore + radius - radius * math.cos(t), rear + radius - radius * math.sin(t)) for t in angles]
-    closing = [(rest[0], "pushed", 0.0)] + [(point, "", 0.0) for point in rest[1:]]
-    return rounded, closing
+@dataclass(frozen=True)
+class _RearEdge:
+    """An arc between the rear face and the bore: up to 45 degrees it belongs to the contact line, the rest does not."""
+
+    radius: float
+    centre: Point  # (z, r) [mm]
+    tangent: Point  # (z, r) where it touches the bore [mm]
+
+    def rounded(self, generatrix: Generatrix) -> Generatrix:
+        """The contact line from its tangent point on, with the arc before it."""
+        half = self.radius * math.sqrt(0.5)
+        arc = (self.centre[0] - half, self.centre[1] - half, -1.0, -1.0, *self.centre, self.radius)
+        columns = ("height0", "slope0", "bend", "centre_s", "centre_h", "radius")
+        rows = np.array([generatrix.breaks[:-1], *(getattr(generatrix, name) for name in columns)]).T
+        return _assemble([arc, *(tuple(row) for row in rows)], float(generatrix.breaks[-1]))
+
+    def closing(self) -> list[tuple[Point, str, float]]:
+        """The rest of the arc, from the rear face to the contact line."""
+        angles = np.radians([90.0, 75.0, 60.0, 45.0])
+        (z, r), radius = self.centre, self.radius
+        rest = [(r - radius * math.cos(t), z - radius * math.sin(t)) for t in angles]
+        return [(rest[0], "pushed", 0.0)] + [(point, "", 0.0) for point in rest[1:]]
+
+
+def _rear_edge(rear: float, bore: float, slope: float, radius: float) -> _RearEdge:
+    """The arc that touches the rear face z = rear and the bore r = bore + slope (z - rear) from above."""
+    steep = math.hypot(1.0, slope)
+    centre = (rear + radius, bore + radius * (slope + steep))
+    return _RearEdge(radius, centre, (centre[0] + radius * slope / steep, centre[1] - radius / steep))
 
 
 def _web(wheel: Hub) -> list[tuple[Point, str, float]]:

@@ -153,12 +153,12 @@ def _edges(where: str, wanted: str, raw: RawMesh, points: FloatArray, table: Edg
                 f"{where}: {len(lost)} edges of '{wanted}' are no edges of the body's elements, the first{at}; "
                 f"write the elements beside them too, and share their nodes"
             )
-        return pairs
+        return np.asarray(pairs)
     boundary = table.boundary
     cells = _named(where, wanted, raw.exposed)
     if cells:
         sides = np.concatenate([np.stack([cell, np.roll(cell, -1)], axis=1) for cell in cells])
-        return np.unique(boundary[np.isin(table.find(boundary), table.find(sides))], axis=0)
+        return np.asarray(np.unique(boundary[np.isin(table.find(boundary), table.find(sides))], axis=0))
     nodes = _named(where, wanted, raw.nodes)
     if not nodes:
         return np.zeros((0, 2), dtype=np.int64)
