@@ -91,9 +91,38 @@ def tabulate_edges(triangles: IntArray) -> EdgeTable:
     )
 
 
-def place(point: FloatArray) -> str:
+def place(point: FloatArray | tuple[float, float]) -> str:
     """A point (r, z) in words [mm]."""
     return f"(r, z) = ({point[0]:.6g}, {point[1]:.6g})"
+
+
+def ordered_line(
+    points: FloatArray, pairs: IntArray, where: str, name: str, *, radial: bool
+) -> tuple[npt.NDArray[np.bool_], IntArray]:
+    """Which edges (k, 2) of a contact line to turn, and their order, for its coordinate to ascend.
+
+    Raises:
+        MeshError: it is no graph over its coordinate, or not one line.
+    """
+    axis = 1 if radial else 0
+    along = points[pairs[:, 1], axis] - points[pairs[:, 0], axis]
+    steep = np.flatnonzero(np.abs(along) < 1e-12)
+    if len(steep):
+        raise MeshError(
+            f"{where}: a facet of '{name}' is perpendicular to the contact line at "
+            f"{place(points[pairs[steep[0]]].mean(axis=0))}; '{name}' must be a graph over {'z' if radial else 'r'}"
+        )
+    turn = along < 0.0
+    first = np.where(turn, pairs[:, 1], pairs[:, 0])
+    order = np.argsort(points[first, axis], kind="stable")
+    first, last = first[order], np.where(turn, pairs[:, 0], pairs[:, 1])[order]
+    apart = np.flatnonzero(first[1:] != last[:-1])
+    if len(apart):
+        raise MeshError(
+            f"{where}: '{name}' is not one connected line without branches: it breaks or folds at "
+            f"{place(points[last[apart[0]]])}"
+        )
+    return turn, order
 
 
 def check_sound(where: str, points: FloatArray, triangles: IntArray, table: EdgeTable) -> None:

@@ -142,9 +142,7 @@ class ContactKeys(Keys, frozen=True):
     ] = None
     allow_no_contact: Annotated[
         bool,
-        told(
-            "Whether bodies may never meet, or overlap where no contact is looked for; otherwise the scene is refused."
-        ),
+        told("Whether bodies from files may never meet, or overlap where no contact is looked for; otherwise refused."),
     ] = False
 
 
