@@ -17,6 +17,7 @@ from ..scene.checks import SMALL_STRAIN
 from ..scene.keys import MeshFile, Scene
 from ..scene.profile import sampled
 from .geometry import Generatrix, Sizes, draw_body, polyline
+from .magnitudes import check_drawing
 from .reader import read_mesh
 from .triangles import MeshData, ordered_line, place, tabulate_edges
 
@@ -94,8 +95,9 @@ def sides_of(scene: Scene) -> tuple[Side, Side]:
             where = f"mesh.{body}"
             sides.append(side_of_mesh(read_mesh(str(file), body, scene.mesh.unit), where, contact, radial=radial))
             continue
-        line = draw_body(shape, contact, Sizes.of(scene.mesh, contact)).generatrix
-        sides.append(Side(line=line, beside=np.zeros((0, 2, 2)), outward=outward if radial else -outward))
+        drawing = draw_body(shape, contact, Sizes.of(scene.mesh, contact))
+        check_drawing(drawing, scene.mesh.coarse, scene.mesh.growth)
+        sides.append(Side(line=drawing.generatrix, beside=np.zeros((0, 2, 2)), outward=outward if radial else -outward))
     return sides[0], sides[1]
 
 

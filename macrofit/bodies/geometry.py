@@ -15,11 +15,15 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from ..errors import MeshError
 from ..scene.keys import Disc, Hub, MeshKeys, Shaft
 from ..scene.profile import bore_profile, seat_profile
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
+
+MOST_FACETS = 100_000
+"""Of a contact line: their dense matrices exceed any memory long before."""
 
 FLATTEST = 1e-7
 """Height of an arc below which a piece of a file's contact line is straight, in its lengths."""
@@ -85,8 +89,17 @@ class Generatrix:
 
         Beside an arc whose facets are shorter, the wanted length is h(s) = min(facet, corner + growth distance), and
         a piece has the nodes where the integral of ds / h passes the multiples of an n-th of its total.
+
+        Raises:
+            MeshError: there would be too many.
         """
         bends = self.bend != 0.0
+        least = np.where(bends, sizes.corner, sizes.facet)
+        if float((np.diff(self.breaks) / least).sum()) > MOST_FACETS:
+            raise MeshError(
+                f"a contact line of {self.breaks[-1] - self.breaks[0]:.4g} mm takes more than {MOST_FACETS} facets: "
+                f"lengthen mesh.seat_facet, mesh.bore_facet or mesh.corner_facet"
+            )
         starts, ends = self.breaks[:-1][bends], self.breaks[1:][bends]
         pieces = []
         for a, b, bend in zip(self.breaks[:-1], self.breaks[1:], bends, strict=True):

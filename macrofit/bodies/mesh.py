@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .geometry import Drawing
+from .magnitudes import check_drawing
 from .reader import read_mesh
 from .triangles import MeshData, compact
 
@@ -15,7 +16,12 @@ __all__ = ["MeshData", "mesh_drawing", "read_mesh"]
 
 
 def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
-    """Triangulate a drawing with gmsh: the contact line's facets as drawn, growing to ``coarse`` [mm] away from it."""
+    """Triangulate a drawing with gmsh: the contact line's facets as drawn, growing to ``coarse`` [mm] away from it.
+
+    Raises:
+        MeshError: the drawing cannot be meshed.
+    """
+    check_drawing(drawing, coarse, growth)
     interrupt = signal.getsignal(signal.SIGINT)  # importing gmsh takes Ctrl-C for itself
     import gmsh
 
