@@ -342,12 +342,8 @@ def _faces(deck: Deck, index: dict[int, int], raw: RawMesh, keyword: Keyword) ->
         members, face = row[0], (row[1].upper() if len(row) > 1 else "")
         single = re.fullmatch(r"(?:.*\.)?\d+", members)
         labels = [_integer(members)] if single else _known(deck, keyword, deck.elsets, members)
-        if face == "":
-            cells = [[index[n] for n in deck.cells[label][1][: deck.cells[label][0]]] for label in labels]
-            raw.exposed.setdefault(name, []).extend(np.array(cell, dtype=np.int64) for cell in cells)
-            continue
         if not re.fullmatch(r"S[1-4]", face):
-            raise deck.refuse(keyword, f"face {face} is not read; write S1, S2, S3 or S4")
+            raise deck.refuse(keyword, f"face '{face}' is not read; write S1, S2, S3 or S4 behind each set")
         ends = []
         for label in labels:
             corners, nodes = deck.cells[label]

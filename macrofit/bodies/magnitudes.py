@@ -40,8 +40,8 @@ def check_drawing(drawing: Drawing, coarse: float, growth: float) -> None:
         k = int(np.argmax(short))
         r, z = 0.5 * (starts[k] + ends[k])
         raise MeshError(
-            f"{body}: its outline of {size:.4g} mm has an edge of {length[k]:.3g} mm at (r, z) = ({r:.6g}, {z:.6g}), too "
-            f"short to be meshed; look for the length in [{body}] that is so small or so large, or leave it out (0)"
+            f"{body}: its outline of {size:.4g} mm has an edge of {length[k]:.3g} mm at (r, z) = ({r:.6g}, {z:.6g}), "
+            f"too short to be meshed; look for the length in [{body}] that is so small or so large, or leave it out (0)"
         )
     area = 0.5 * abs(float(np.sum(starts[:, 0] * ends[:, 1] - ends[:, 0] * starts[:, 1])))
     elements = _elements(

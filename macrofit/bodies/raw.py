@@ -19,5 +19,4 @@ class RawMesh:
     quads: list[IntArray] = field(default_factory=list)  # (m, 4), or with middles (m, 8) or (m, 9)
     lines: dict[str, list[IntArray]] = field(default_factory=dict)  # name -> (k, 2) ends of edges
     nodes: dict[str, list[IntArray]] = field(default_factory=dict)  # name -> points
-    exposed: dict[str, list[IntArray]] = field(default_factory=dict)  # name -> points of cells: their free edges
     others: dict[str, str] = field(default_factory=dict)  # name -> what it holds instead, "elements"

@@ -59,7 +59,7 @@ def read_mesh(path: str, body: str, unit: str | None = None) -> MeshData:
     check_sound(where, points, triangles, table)
     edges = {name: found for name in WANTED[body] if len(found := _edges(where, name, raw, points, table))}
     data = compact(points, triangles, edges)
-    _check_file(where, body, data, [*raw.lines, *raw.nodes, *raw.exposed, *raw.others], unit)
+    _check_file(where, body, data, [*raw.lines, *raw.nodes, *raw.others], unit)
     contact = CONTACT[body]
     _check_outside(where, contact, points, edges[contact], table)
     curve = _curve(where, points, table, table.find(edges[contact]), (triangles, middles))
@@ -155,10 +155,6 @@ def _edges(where: str, wanted: str, raw: RawMesh, points: FloatArray, table: Edg
             )
         return np.asarray(pairs)
     boundary = table.boundary
-    cells = _named(where, wanted, raw.exposed)
-    if cells:
-        sides = np.concatenate([np.stack([cell, np.roll(cell, -1)], axis=1) for cell in cells])
-        return np.asarray(np.unique(boundary[np.isin(table.find(boundary), table.find(sides))], axis=0))
     nodes = _named(where, wanted, raw.nodes)
     if not nodes:
         return np.zeros((0, 2), dtype=np.int64)

@@ -63,7 +63,7 @@ def test_a_conical_bore_closes_before_its_rear() -> None:
 
 
 def test_the_rear_edge_of_a_cone_is_tangent() -> None:
-    """Height and slope are continuous at the ends of the arcs of rear edge and chamfer, and the mesh's outline closes."""
+    """Height and slope are continuous at the ends of the arcs, and the outline closes."""
     wheel = cone(0.2, 0.1, rear_edge_blend=3.0, chamfer_length=5.0, chamfer_height=1.0, chamfer_blend=20.0).wheel
     assert isinstance(wheel, Hub)
     drawing = draw_body(wheel, "bore", Sizes(1.0, 1.0, 0.35))
