@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
-from contextlib import redirect_stderr, redirect_stdout
+import resource
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,11 @@ MaskArray = npt.NDArray[np.bool_]
 
 LARGEST = 2**29
 """Size of the largest file that is read [bytes]; a million triangles take some 1e8."""
+
+UNREADABLE = "it is not as its format has it; is it cut off, or its name's ending that of another format?"
+
+ROOM, PER_BYTE = 2**29, 100
+"""Memory that reading a file may take [bytes]: in any case, and per byte of the file."""
 
 
 def read_contents(file: Path, body: str, where: str) -> RawMesh:
@@ -44,7 +52,8 @@ def _through_meshio(file: Path, where: str) -> RawMesh:
 
     said = io.StringIO()
     try:
-        with redirect_stdout(said), redirect_stderr(said), np.errstate(all="ignore"):
+        with redirect_stdout(said), redirect_stderr(said), np.errstate(all="ignore"), _bounded(file), _strict():
+            _check_counts(file)
             mesh = meshio.read(file)
         if "not closed" in said.getvalue():
             raise MeshError(f"{where} cannot be read: it is cut off; write it again")
@@ -52,8 +61,60 @@ def _through_meshio(file: Path, where: str) -> RawMesh:
     except MeshError:
         raise
     except (Exception, SystemExit) as error:
-        words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
-        raise MeshError(f"{where} cannot be read: {words[:200]}") from None
+        printed = said.getvalue().partition("Error: Couldn't read")[0]
+        words = " ".join(printed.split()) or ("" if isinstance(error, SystemExit) else " ".join(str(error).split()))
+        if "gmsh:physical" in words:
+            words = "some of its elements are in no group; write the groups alone (in gmsh Mesh.SaveAll = 0)"
+        raise MeshError(f"{where} cannot be read: {words[:200] or UNREADABLE}") from None
+
+
+@contextmanager
+def _bounded(file: Path) -> Iterator[None]:
+    """No more memory than a file of that size can need: damaged counts ask for any amount."""
+    try:
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except OSError:
+        taken = 0
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    allowed = taken + ROOM + PER_BYTE * file.stat().st_size
+    if taken == 0 or (soft != resource.RLIM_INFINITY and soft < allowed):
+        yield
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (allowed, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+@contextmanager
+def _strict() -> Iterator[None]:
+    """What numpy cannot read to the end is an error, everything else it warns of is not the user's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", message="string or file could not be read")
+        yield
+
+
+def _check_counts(file: Path) -> None:
+    """The blocks of a text of gmsh 4.1 add up to what its sections announce: meshio makes points of what is missing."""
+    if file.suffix.lower() != ".msh":
+        return
+    lines = file.read_bytes().split(b"\n")
+    if len(lines) < 2 or lines[1].split()[:2] != [b"4.1", b"0"]:
+        return
+    at = {line.strip(): k for k, line in enumerate(lines) if line.startswith(b"$")}
+    for section, column, per_item in ((b"Nodes", 3, 2), (b"Elements", 3, 1)):
+        if b"$" + section not in at:
+            continue
+        line = at[b"$" + section] + 1
+        blocks, total = (int(word) for word in lines[line].split()[:2])
+        line, found = line + 1, 0
+        for _ in range(min(blocks, len(lines))):
+            count = int(lines[line].split()[column])
+            found, line = found + count, line + 1 + per_item * count
+        if found != total or lines[line].strip() != b"$End" + section:
+            raise ValueError(f"its {section.decode().lower()} are not as many as it announces; the file is damaged")
 
 
 def _raw(mesh: Any, where: str) -> RawMesh:
