@@ -62,7 +62,7 @@ def _through_meshio(file: Path, where: str) -> RawMesh:
         raise
     except (Exception, SystemExit) as error:
         printed = said.getvalue().partition("Error: Couldn't read")[0]
-        words = " ".join(printed.split()) or ("" if isinstance(error, SystemExit) else " ".join(str(error).split()))
+        words = " ".join(printed.split()) or ("" if isinstance(error, SystemExit | Warning) else " ".join(str(error).split()))
         if "gmsh:physical" in words:
             words = "some of its elements are in no group; write the groups alone (in gmsh Mesh.SaveAll = 0)"
         raise MeshError(f"{where} cannot be read: {words[:200] or UNREADABLE}") from None
