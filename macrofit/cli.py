@@ -89,10 +89,12 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
         from .base.ranks import raise_together
-        from .scene import load_scene
+        from .scene import idle_keys, load_scene
 
         with raise_together(comm):
             resolved = load_scene(scene, overrides)
+        for line in idle_keys(resolved) if comm.rank == 0 else []:
+            complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
         from .run import carry_out
@@ -164,8 +166,13 @@ def study(
     "--curve",
     required=True,
     type=FILE,
-    help="Measured curve: two columns, displacement [mm] and force [N]; other units by the header.",
+    help="Measured curve: text with columns of displacement and force; units by the header, mm and N without one.",
 )
+@click.option("--columns", metavar="D,F", help="Columns of displacement and force, by number or name [found by units].")
+@click.option("--from", "start", type=float, metavar="MM", help="Use the record from this displacement in it on.")
+@click.option("--to", "end", type=float, metavar="MM", help="Use it up to this one.")
+@click.option("--shift", type=float, default=0.0, metavar="MM", help="Add this to the displacements.")
+@click.option("--free-shift", is_flag=True, help="Seek such a shift too, for a record that began late.")
 @click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
 @changes
@@ -179,6 +186,9 @@ def identify(
     overrides: tuple[str, ...],
     folder: Path | None,
     quiet: bool,
+    columns: str | None,
+    free_shift: bool,
+    **of_curve: Any,
 ) -> None:
     """Find the friction of SCENE for which its fitting curve matches a measured one, with its standard error.
 
@@ -188,10 +198,21 @@ def identify(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target):
+        from .identify.measured import Reading
         from .identify.output import carry_out_identification
 
+        reading = Reading(columns=two_columns(columns), **of_curve)
         lines = carry_out_identification(
-            scene, curve, comm, target, overrides=overrides, key=key, bounds=interval(bounds), quiet=quiet
+            scene,
+            curve,
+            comm,
+            target,
+            overrides=overrides,
+            key=key,
+            bounds=interval(bounds),
+            quiet=quiet,
+            reading=reading,
+            free_shift=free_shift,
         )
         for line in [] if quiet else lines:
             click.echo(line)
@@ -216,6 +237,18 @@ def interval(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
     return low, high
+
+
+def two_columns(text: str | None) -> tuple[str, str] | None:
+    """D,F as two names or numbers. Raises SceneError."""
+    from .errors import SceneError
+
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
+        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
+    return parts[0], parts[1]
 
 
 @contextmanager
@@ -268,9 +301,11 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     from .bodies.outlook import first_touch
     from .friction import registry
     from .results.summary import interference_line
-    from .scene import load_scene
+    from .scene import idle_keys, load_scene
 
     resolved = load_scene(scene, overrides)
+    for line in idle_keys(resolved):
+        complain(f"warning: {line}")
     registry.load(resolved.friction.provider, resolved.friction.options)
     touch = first_touch(resolved)
     places = resolved.displacements

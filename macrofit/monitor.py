@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Protocol
 
-from .base.progress import Bar, say, way_of_showing
+from .base.progress import Bar, say, suited
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -123,5 +123,5 @@ class Progress:
 
 def on_screen(*, quiet: bool) -> Monitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    ways: dict[str, Callable[[], Monitor]] = {"bar": Progress, "lines": Lines, "nothing": Silent}
-    return ways[way_of_showing(quiet=quiet)]()
+    ways: tuple[Callable[[], Monitor], ...] = (Progress, Lines, Silent)
+    return suited(*ways, quiet=quiet)

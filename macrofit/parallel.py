@@ -10,8 +10,10 @@ from .friction import FrictionProvider, PairFriction, TilePairs, answered
 
 
 def summed(comm: MPI.Comm, counters: dict[str, int]) -> dict[str, int]:
-    """Counters added up over the ranks, which have the same names. Collective."""
-    return {name: int(comm.allreduce(count)) for name, count in counters.items()}
+    """Counters added up over the ranks; a name that a rank has not counts as 0 there. Collective."""
+    every: list[dict[str, int]] = comm.allgather(counters)
+    names = dict.fromkeys(name for one in every for name in one)
+    return {name: sum(one.get(name, 0) for one in every) for name in names}
 
 
 class SharedAsk:

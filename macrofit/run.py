@@ -65,10 +65,10 @@ def carry_out(
             if curve is not None:
                 save_accepted(folder, scene, curve, monitor)
             raise
-    lines: list[str] = []
-    with raise_together(comm):
-        if comm.rank == 0:
-            lines = write_results(folder, solution)
+        lines: list[str] = []
+        with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
+            if comm.rank == 0:
+                lines = write_results(folder, solution)
     return lines
 
 

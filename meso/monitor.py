@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import IO, Protocol
 
-from macrofit.base.progress import Bar, say, way_of_showing
+from macrofit.base.progress import Bar, say, suited
 
 
 class Monitor(Protocol):
@@ -101,5 +101,5 @@ class Progress:
 
 def on_screen(*, quiet: bool) -> Monitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    ways: dict[str, Callable[[], Monitor]] = {"bar": Progress, "lines": Lines, "nothing": Silent}
-    return ways[way_of_showing(quiet=quiet)]()
+    ways: tuple[Callable[[], Monitor], ...] = (Progress, Lines, Silent)
+    return suited(*ways, quiet=quiet)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from macrofit.base.files import alone_in
+
 from .friction_test import FrictionTest, engine_name, prepared, slid
 from .monitor import Monitor
 from .plates import make_plates
@@ -20,6 +22,12 @@ def carry_out(settings: Settings, folder: Path, monitor: Monitor, *, figures: bo
     Raises:
         MesoError: what cannot be computed or written; the slides that were done are in the folder.
     """
+    with alone_in(folder):
+        return _carry_out(settings, folder, monitor, figures=figures)
+
+
+def _carry_out(settings: Settings, folder: Path, monitor: Monitor, *, figures: bool) -> list[str]:
+    """The friction test, its folder at hand."""
     prepare(folder, settings)
     coefficients = settings.contact.coefficients
     several = len(coefficients) > 1

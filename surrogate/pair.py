@@ -11,7 +11,7 @@ import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
 
-from .data.faces import generated_face, read_face
+from .data.faces import generated_face, read_face, rms_height
 from .errors import PredictionError
 from .network.checkpoint import outside_training
 from .network.predict import Predictor
@@ -19,6 +19,12 @@ from .network.score import QUANTILE_90
 
 if TYPE_CHECKING:
     from meso.surfaces.surface import Body
+
+
+SMOOTHEST, ROUGHEST = 0.043, 0.22
+"""Sq over R of generated faces: the least and the most of 960 with H from 0.5 to 1 [-]."""
+BEYOND = 5.0
+"""A face that is smoother or rougher by this factor than any learned from is refused [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +89,10 @@ def predict_pair(
         _face("wheel", wheel, wheel_seed, about.points, keys),
         _face("axle", axle, axle_seed, about.points, keys),
     ]
-    findings = []
+    files: tuple[tuple[Body, Path | None], ...] = (("wheel", wheel), ("axle", axle))
+    findings: list[str] = []
+    for face, (body, file) in zip(faces, files, strict=True):
+        findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
     if wheel is None or axle is None:
         findings += outside_training(about, **keys)
     highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
@@ -102,6 +111,27 @@ def predict_pair(
         in_contact=bool(answer.in_contact.all()),
         outside=findings,
     )
+
+
+def _outside_heights(face: HeightArray, body: Body, file: Path, learned: tuple[float, float]) -> list[str]:
+    """What to say of a face from a file that is smoother or rougher than all that were learned from.
+
+    Generated faces of range R have an Sq of `SMOOTHEST` to `ROUGHEST` R.
+
+    Raises:
+        PredictionError: it is so by a factor that only another unit explains.
+    """
+    rms = rms_height(face, body)
+    low, high = SMOOTHEST * min(learned), ROUGHEST * max(learned)
+    told = f"its rms height is {1e3 * rms:.3g} µm, those learned from have {1e3 * low:.2g} to {1e3 * high:.2g} µm"
+    if rms < low / BEYOND:
+        unit = "is it in m, or flat? heights are taken for mm" if rms > 1e-12 else "it is flat, or one plane"
+        raise PredictionError(f"{file}: {told}; {unit}")
+    if rms > high * BEYOND:
+        raise PredictionError(f"{file}: {told}; is it in µm? heights are taken for mm")
+    if low <= rms <= high:
+        return []
+    return [f"the {body}'s face is {'smoother' if rms < low else 'rougher'} than any learned from: {told}"]
 
 
 def _face(body: Body, file: Path | None, seed: int, points: int, keys: Mapping[str, Any]) -> HeightArray:

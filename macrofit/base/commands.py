@@ -49,9 +49,14 @@ def set_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 def complain(message: object) -> None:
     """Say what went wrong, on one line that begins with the command's name."""
+    click.echo(f"{command_name()}: {' '.join(str(message).split())}", err=True)
+
+
+def command_name() -> str:
+    """The command that runs, for what it says."""
     context = click.get_current_context(silent=True)
     name = context.find_root().command.name if context is not None else None
-    click.echo(f"{name or 'macrofit'}: {' '.join(str(message).split())}", err=True)
+    return name or "macrofit"
 
 
 @contextmanager
@@ -79,7 +84,7 @@ def few_threads() -> None:
 
 def say_bug(rank: int, size: int) -> None:
     """Print the traceback of the exception in hand, with the rank it happened on."""
-    click.echo(f"macrofit: rank {rank} of {size} failed\n{traceback.format_exc()}", err=True)
+    click.echo(f"{command_name()}: rank {rank} of {size} failed\n{traceback.format_exc()}", err=True)
     flush()
 
 

@@ -1,9 +1,11 @@
-"""Writing files so that none is ever half there, and so that a failure names the file and the remedy."""
+"""Writing files so that none is ever half there, reading those of strangers within bounds; a failure names the file."""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,6 +18,68 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors that more room would mend."""
 
 
+KINDS = (
+    (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),
+)  # fmt: skip
+"""What a name may stand for besides a file that can be read to its end."""
+
+
+def check_regular(path: Path, most_bytes: int) -> int:
+    """The size of a file [bytes], once it is seen to be a regular one of at most ``most_bytes``.
+
+    Nothing is opened: a pipe or a device would keep its reader waiting.
+
+    Raises:
+        OutputError: there is no such file, it is something else than a file, or a larger one.
+    """
+    try:
+        found = path.stat()
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    return _bounded(path, found, most_bytes)
+
+
+def read_regular(path: Path, most_bytes: int) -> bytes:
+    """All bytes of a regular file, whose size is bounded before it is read. The one way to open a stranger's file.
+
+    Raises:
+        OutputError: as `check_regular`, or it cannot be read.
+    """
+    check_regular(path, most_bytes)
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(descriptor, "rb") as file:
+            _bounded(path, os.fstat(descriptor), most_bytes)  # another file may stand there by now
+            data = file.read(most_bytes + 1)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if len(data) > most_bytes:
+        raise OutputError(_too_large(path, "more", most_bytes))
+    return data
+
+
+def _bounded(path: Path, found: os.stat_result, most_bytes: int) -> int:
+    if not stat.S_ISREG(found.st_mode):
+        kind = next((name for test, name in KINDS if test(found.st_mode)), "something else")
+        raise OutputError(f"{path}: cannot be read: is {kind}, not a file")
+    if found.st_size > most_bytes:
+        raise OutputError(_too_large(path, in_bytes(found.st_size), most_bytes))
+    return found.st_size
+
+
+def _too_large(path: Path, size: str, most_bytes: int) -> str:
+    return f"{path}: cannot be read: is larger than {in_bytes(most_bytes)}, the most for a file of its kind ({size})"
+
+
+def in_bytes(size: int) -> str:
+    """A size in bytes, kB, MB or GB."""
+    for factor, unit in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} bytes"
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Turn a failure to write ``path`` (disk full, no permission) into one line that names it.
@@ -26,7 +90,7 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        room = "make room, then give the same command, for a run or a study with --resume"
+        room = "make room, then give the same command, with --resume where it has that"
         remedy = room if error.errno in FULL else "choose another place with -o"
         raise OutputError(f"{path}: cannot be written: {error.strerror or error} ({remedy})") from error
 
@@ -86,6 +150,30 @@ def append_whole(descriptor: int, data: bytes) -> None:
     except BaseException:
         os.ftruncate(descriptor, end)
         raise
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep a folder, which is made, from other processes that ask for the same.
+
+    Raises:
+        OutputError: another process has it, or it cannot be made.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                f"{folder}: another process is writing into it; wait for it, or choose another place with -o"
+            ) from None
+        except OSError:  # a file system without locks
+            pass
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def force_to_disk(path: Path) -> None:

@@ -81,6 +81,9 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any], kind: t
         return f"{join_keys(where, missing.group(1))}: missing"
     if bound:
         return f"{where}: {_value_at(tables, where)} must {_bound(*bound.groups())}"
+    if message.startswith("Invalid enum value"):
+        choices = ", ".join(map(str, _choices(kind, where, tables)))
+        return f"{where}: {message[0].lower()}{message[1:]}" + (f" (one of {choices})" if choices else "")
     if "of length >= 1" in message:
         return f"{where}: is empty"
     return f"{where or whole}: {message[0].lower()}{message[1:]}"
@@ -104,22 +107,50 @@ def _known_keys(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence
     """The keys of the table at a dotted place; the tag of a table that may be of several kinds decides."""
     from msgspec import inspect
 
-    info: Any = inspect.type_info(kind)
+    info = inspect.type_info(kind)
     for key in filter(None, where.split(".")):
         tables = tables.get(key, {})
-        fields = {field.encode_name: field.type for field in info.fields}
-        info = _table_info(fields[key], tables)
+        info = _table_info(_field_types(info)[key], tables)
         if info is None:
             return []
-    return [field.encode_name for field in info.fields]
+    return list(_field_types(info))
+
+
+def _choices(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence[Any]:
+    """The values that a key may have; none where it may have any."""
+    from msgspec import inspect
+
+    info: Any = inspect.type_info(kind)
+    *path, last = where.split(".")
+    for key in path:
+        tables = tables.get(key, {})
+        info = _table_info(_field_types(info)[key], tables)
+    found = _plain(_field_types(info).get(last)) if info is not None else None
+    while isinstance(found, inspect.CollectionType | inspect.VarTupleType):
+        found = _plain(found.item_type)
+    kinds = [_plain(each) for each in getattr(found, "types", (found,))]
+    return [value for each in kinds if isinstance(each, inspect.LiteralType) for value in each.values]
+
+
+def _field_types(info: Any) -> dict[str, Any]:
+    """Types of the keys of a table."""
+    return {field.encode_name: field.type for field in info.fields}
+
+
+def _plain(info: Any) -> Any:
+    """A type without what is said about it."""
+    from msgspec import inspect
+
+    while isinstance(info, inspect.Metadata):
+        info = info.type
+    return info
 
 
 def _table_info(info: Any, table: Any) -> Any:
     """What msgspec knows of the kind of this table; None where it is none."""
     from msgspec import inspect
 
-    while isinstance(info, inspect.Metadata):
-        info = info.type
+    info = _plain(info)
     if isinstance(info, inspect.StructType):
         return info
     kinds = [_table_info(kind, table) for kind in getattr(info, "types", ())]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import time
-from typing import IO, Any, Literal
+from collections.abc import Callable
+from typing import IO, Any, Literal, TypeVar
+
+Shown = TypeVar("Shown")
 
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
 """Variables of a process that mpirun started."""
@@ -23,6 +26,12 @@ def way_of_showing(*, quiet: bool) -> Literal["bar", "lines", "nothing"]:
     if quiet:
         return "nothing"
     return "bar" if sys.stdout.isatty() and not launched() else "lines"
+
+
+def suited(bar: Callable[[], Shown], lines: Callable[[], Shown], nothing: Callable[[], Shown], *, quiet: bool) -> Shown:
+    """What shows a computation, by `way_of_showing`."""
+    ways = {"bar": bar, "lines": lines, "nothing": nothing}
+    return ways[way_of_showing(quiet=quiet)]()
 
 
 def say(text: str, stream: IO[str] | None = None) -> None:

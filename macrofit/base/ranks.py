@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,10 +29,19 @@ def raise_together(comm: MPI.Comm) -> Iterator[None]:
         if error is not None:
             raise error
         return
-    errors = comm.allgather(error)
+    errors = comm.allgather(None if error is None else _sent(error))
     first = error or next((other for other in errors if other is not None), None)
     if first is not None:
         raise first
+
+
+def _sent(error: BaseException) -> BaseException:
+    """The error as other ranks can have it: itself, or its type and words where it does not survive the way."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def leave(comm: MPI.Comm, code: int) -> NoReturn:

@@ -9,7 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .errors import MacrofitError
+from .errors import MacrofitError, OutputError
+from .files import read_regular
+
+MOST_BYTES = 10_000_000
+"""Size of a TOML file; a scene has a few thousand."""
+DEEPEST = 50
+"""Tables within tables; a scene has five."""
+TOO_DEEP = f"tables or lists nested too deeply, more than {DEEPEST} within one another"
 
 
 class TomlError(MacrofitError):
@@ -26,17 +33,17 @@ def errors_as(kind: type[MacrofitError]) -> Iterator[None]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a file.
+    """The tables of a file in UTF-8, with or without a byte-order mark.
 
     Raises:
         TomlError: it cannot be read, or is not TOML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise TomlError(f"{path}: cannot be read as text: not UTF-8 (byte {error.start})") from None
-    except OSError as error:
-        raise TomlError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except OutputError as error:
+        raise TomlError(str(error)) from None
     return parse_toml(text, str(path))
 
 
@@ -47,9 +54,25 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         TomlError: it is not TOML.
     """
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise TomlError(f"{source}: not valid TOML: {error or 'nested too deeply'}") from None
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise TomlError(f"{source}: not valid TOML: {error}") from None
+    except ValueError:
+        raise TomlError(f"{source}: not valid TOML: an integer of thousands of digits") from None
+    if depth_of(tables) > DEEPEST:
+        raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}")
+    return tables
+
+
+def depth_of(value: Any) -> int:
+    """How many tables and lists lie within one another at most, counted without recursion; 0 for a plain value."""
+    depth, level = 0, [value]
+    while level := [item for item in level if isinstance(item, dict | list)]:
+        depth += 1
+        level = [part for item in level for part in (item.values() if isinstance(item, dict) else item)]
+    return depth
 
 
 def dump_toml(tables: Mapping[str, Any]) -> str:
@@ -74,8 +97,10 @@ def split_override(text: str, example: str = "motion.travel=20") -> tuple[tuple[
     value = written[1]
     try:
         parsed = tomllib.loads(f"value = {value}")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return path, value
+    if depth_of(parsed) > DEEPEST or len(path) > DEEPEST:
+        raise TomlError(f"'{text[:60]} ...': {TOO_DEEP}")
     return path, parsed["value"] if len(parsed) == 1 else value
 
 
@@ -96,6 +121,12 @@ def set_key(tables: dict[str, Any], path: Sequence[str], value: Any) -> None:
 def join_key(path: Sequence[str]) -> str:
     """A dotted key, its parts quoted where TOML wants it."""
     return ".".join(dump_toml({part: 0}).removesuffix(" = 0\n") for part in path)
+
+
+def last_part(key: str) -> str:
+    """The last part of a dotted key, without its quotes."""
+    path = _key_path(key)
+    return key if path is None else path[-1]
 
 
 def unknown_key(key: str, known: Sequence[str]) -> str:
@@ -121,7 +152,7 @@ def _key_path(text: str) -> tuple[str, ...] | None:
         return None
     try:
         tables: Any = tomllib.loads(f"{text} = 0")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return None
     path = []
     while isinstance(tables, dict):

@@ -15,8 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.files import read_regular
 from ..errors import MeshError
 from .raw import RawMesh
+
+LARGEST = 1_000_000_000
+"""Size of the largest file that is read [bytes]; a million triangles take some 1e8."""
 
 DEPTH = 8
 """How deep files may include each other."""
@@ -82,7 +86,7 @@ class Deck:
 
 
 def read_deck(path: Path, where: str) -> RawMesh:
-    """Read a deck.
+    """Read a deck of Abaqus or CalculiX.
 
     Args:
         path: of the file.
@@ -125,7 +129,7 @@ def _keywords(path: Path, where: str, depth: int) -> Iterator[Keyword]:
 def _logical_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines without comments and blank ones; a keyword line that ends in a comma goes on in the next."""
     held, start = "", 0
-    text = path.read_bytes().decode("latin-1").removeprefix("\xef\xbb\xbf")
+    text = read_regular(path, LARGEST).decode("latin-1").removeprefix("\xef\xbb\xbf")
     for number, line in enumerate(text.splitlines(), start=1):
         line = line.strip()
         if not line or line.startswith("**"):

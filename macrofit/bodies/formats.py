@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import MeshError
-from .abaqus import read_deck
+from ..base.files import check_regular
+from ..errors import MeshError, OutputError
+from .abaqus import LARGEST, read_deck
 from .raw import RawMesh
 
 MaskArray = npt.NDArray[np.bool_]
-
-LARGEST = 2**29
-"""Size of the largest file that is read [bytes]; a million triangles take some 1e8."""
 
 UNREADABLE = "it is not as its format has it; is it cut off, or its name's ending that of another format?"
 
@@ -35,13 +33,10 @@ def read_contents(file: Path, body: str, where: str) -> RawMesh:
         MeshError: it cannot be read.
     """
     try:
-        if not file.exists():
-            raise MeshError(f"mesh.{body}: no file '{file}'")
-        if not file.is_file():
-            raise MeshError(f"{where} is not a regular file")
-        if file.stat().st_size > LARGEST:
-            raise MeshError(f"{where} has {file.stat().st_size / 2**20:.0f} MiB; at most {LARGEST >> 20} are read")
+        check_regular(file, LARGEST)
         return read_deck(file, where) if file.suffix.lower() == ".inp" else _through_meshio(file, where)
+    except OutputError as error:
+        raise MeshError(f"mesh.{body}: no file '{file}'" if not file.exists() else f"mesh.{body}: {error}") from None
     except (OSError, MemoryError) as error:
         raise MeshError(f"{where} cannot be read: {error or type(error).__name__}") from None
 
@@ -62,7 +57,9 @@ def _through_meshio(file: Path, where: str) -> RawMesh:
         raise
     except (Exception, SystemExit) as error:
         printed = said.getvalue().partition("Error: Couldn't read")[0]
-        words = " ".join(printed.split()) or ("" if isinstance(error, SystemExit | Warning) else " ".join(str(error).split()))
+        words = " ".join(printed.split()) or (
+            "" if isinstance(error, SystemExit | Warning) else " ".join(str(error).split())
+        )
         if "gmsh:physical" in words:
             words = "some of its elements are in no group; write the groups alone (in gmsh Mesh.SaveAll = 0)"
         raise MeshError(f"{where} cannot be read: {words[:200] or UNREADABLE}") from None

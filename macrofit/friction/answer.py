@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,9 @@ import numpy.typing as npt
 
 from macrofit.errors import ProviderError
 from macrofit.friction.contract import LIMIT, QUANTITIES, FloatArray, FrictionProvider, StatesUncertainty, TilePairs
+
+TAKEN = frozenset({"calls"})
+"""Counters of a provider that would stand in a summary under the name of one of the solver's, provider_calls."""
 
 
 class PairFriction(NamedTuple):
@@ -24,8 +29,8 @@ def declared_dependence(provider: object, name: str) -> frozenset[str]:
     """`provider.depends_on`, once the provider is seen to have the members of the contract.
 
     Raises:
-        ProviderError: no method `coefficients`, an `uncertainty` that is no method, or `depends_on` is not a
-            frozenset of known quantities.
+        ProviderError: no method `coefficients`, an `uncertainty` that is no method, `depends_on` is not a
+            frozenset of known quantities, or `counters` that are none, see `declared_counters`.
     """
     broken = f"friction provider {name!r} breaks the contract"
     if not callable(getattr(provider, "coefficients", None)):
@@ -37,7 +42,28 @@ def declared_dependence(provider: object, name: str) -> frozenset[str]:
     if not isinstance(declared, frozenset) or not declared <= QUANTITIES:
         choices = ", ".join(sorted(QUANTITIES))
         raise ProviderError(f"{broken}: depends_on is {declared!r}, not a frozenset with members of {{{choices}}}")
+    declared_counters(provider, name)
     return declared
+
+
+def declared_counters(provider: object, name: str) -> dict[str, int]:
+    """`provider.counters`, a dict of names and whole numbers that the summary of a run shows; empty without any.
+
+    Raises:
+        ProviderError: they cannot be read, are no such dict, or one has a name that the solver uses.
+    """
+    broken = f"friction provider {name!r} breaks the contract: counters"
+    try:
+        stated = getattr(provider, "counters", {})
+        if not isinstance(stated, Mapping):
+            raise TypeError(f"is {stated!r:.60}, not a dict of names and whole numbers")
+        counted = {key: operator.index(count) for key, count in stated.items()}
+    except Exception as error:
+        raise ProviderError(f"{broken}: {type(error).__name__}: {error}; give names and whole numbers") from error
+    wrong = [key for key in counted if not isinstance(key, str) or not key.isidentifier() or key in TAKEN]
+    if wrong:
+        raise ProviderError(f"{broken}: the name {wrong[0]!r} is no word or the solver's own; choose another")
+    return counted
 
 
 def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFriction:
@@ -45,13 +71,16 @@ def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFri
 
     Raises:
         ProviderError: a bad answer, see `checked_answer` and `checked_uncertainty`.
-        Exception: whatever the provider raises.
+        Exception: whatever the provider raises; an exit of the program that it asks for is a RuntimeError.
     """
     every = np.arange(pairs.seat.size)
-    coefficient = checked_answer(provider.coefficients(pairs.take(every)), pairs, name)
-    if not isinstance(provider, StatesUncertainty):
-        return PairFriction(coefficient, np.full(every.size, np.nan))
-    return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.take(every)), pairs, name))
+    try:
+        coefficient = checked_answer(provider.coefficients(pairs.take(every)), pairs, name)
+        if not isinstance(provider, StatesUncertainty):
+            return PairFriction(coefficient, np.full(every.size, np.nan))
+        return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.take(every)), pairs, name))
+    except SystemExit as error:
+        raise RuntimeError(f"it asked the program to exit, with {error.code!r}") from error
 
 
 def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:

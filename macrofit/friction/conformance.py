@@ -132,7 +132,7 @@ def _told(provider: FrictionProvider, method: str, pairs: TilePairs, what: str) 
     given = pairs.take(np.arange(pairs.seat.size))
     try:
         answer: object = getattr(provider, method)(given)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConformanceError(f"{who} raised {type(error).__name__}: {error}") from error
     for field, before, after in zip(TilePairs._fields, pairs, given, strict=True):
         if not np.array_equal(before, after):

@@ -46,7 +46,7 @@ class FrictionProvider(Protocol):
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
     It may also say how sure it is, see `StatesUncertainty`, and have `counters`, a dict of names and whole numbers that
-    the summary of a run shows.
+    the summary of a run shows; `calls` is the solver's own.
     """
 
     @property

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import PairFriction, answered, checked_answer, checked_uncertainty, declared_dependence
+from macrofit.friction.answer import (
+    PairFriction,
+    answered,
+    checked_answer,
+    checked_uncertainty,
+    declared_counters,
+    declared_dependence,
+)
 from macrofit.friction.contract import FloatArray, FrictionProvider, IntArray, TilePairs
 from macrofit.friction.tiles import TileOverlaps
 
@@ -116,8 +124,17 @@ class FrictionField:
 
     @property
     def counters(self) -> dict[str, int]:
-        """What the provider itself counts on this rank, if it has `counters`: clipped answers, inputs out of range."""
-        return {f"provider_{name}": int(count) for name, count in getattr(self.provider, "counters", {}).items()}
+        """What the provider itself counts on this rank, if it has `counters`: clipped answers, inputs out of range.
+
+        They were checked when the field was made; ones that have gone bad since are warned of and left out, for
+        they are no reason to lose a run.
+        """
+        try:
+            counted = declared_counters(self.provider, self.name)
+        except ProviderError as error:
+            warnings.warn(f"{error}; they are left out of the summary", stacklevel=2)
+            return {}
+        return {f"provider_{name}": count for name, count in counted.items()}
 
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""

@@ -59,7 +59,7 @@ def build_provider(name: str, options: Mapping[str, object], context: BuildConte
     loaded = load_options(name, options)
     try:
         provider = loaded.build(context)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ProviderError(f"friction provider {name!r} cannot be built: {_said(error)}") from error
     declared_dependence(provider, name)
     return provider
@@ -102,7 +102,7 @@ def _options_class(entry: EntryPoint) -> type[Any]:
     who = f"friction provider {entry.name!r} of {_source(entry)}"
     try:
         loaded = entry.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ProviderError(
             f"{who} is broken: loading {entry.value!r} fails with {_said(error)}. "
             "Install what it needs, or reinstall or remove it"
@@ -131,7 +131,7 @@ def decode_options(name: str, kind: type[Any], options: Mapping[str, object]) ->
             )
     try:
         decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         told = str(error).replace("`$.", "`friction.options.")
         raise ProviderError(f"options of friction provider {name!r}: {told}") from error
     return decoded
@@ -143,5 +143,5 @@ def _source(entry: EntryPoint) -> str:
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unnamed distribution"
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"

@@ -96,7 +96,7 @@ class ScriptFriction:
             return cast(Callable[..., FrictionProvider | ProviderOptions], self.given)(**options)
         except ProviderError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ProviderError(
                 f"options of friction provider {self.name!r}: {type(error).__name__}: {error}"
             ) from error
@@ -110,7 +110,7 @@ class ScriptFriction:
         loaded = self.load(options)
         try:
             provider = loaded.build(context) if hasattr(loaded, "build") else loaded
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             told = f"{type(error).__name__}: {error}"
             raise ProviderError(f"friction provider {self.name!r} cannot be built: {told}") from error
         declared_dependence(provider, self.name)

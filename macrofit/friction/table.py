@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import csv
 import math
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar, NamedTuple, TypeAlias
@@ -24,9 +25,12 @@ from typing import ClassVar, NamedTuple, TypeAlias
 import msgspec
 import numpy as np
 
-from macrofit.errors import ProviderError
+from macrofit.base.files import read_regular
+from macrofit.errors import OutputError, ProviderError
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, IntArray, TilePairs
 
+MOST_BYTES = 20_000_000
+"""Size of a table; a thousand tiles have 40 kB, all pairs of them 20 MB."""
 VALUES = {"coefficient": LIMIT, "uncertainty": math.inf}
 """Columns of values, and what they must stay below."""
 
@@ -56,18 +60,36 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The provider for tiles of this length."""
         rows = self._read()
         if "z_mm" in rows[0][1]:
+            self._check_reach(rows, context)
             return Along(context.seat_origin, context.tile_size, *_columns(rows, "z_mm"))
         return ByPair(self.file, *_columns(rows, "seat", "bore"))
 
+    def _check_reach(self, rows: list[Row], context: BuildContext) -> None:
+        """Refuse places in another unit than mm, and warn of ones that leave most of the seat to the end values.
+
+        Raises:
+            ProviderError: the places reach over 0.003 of the seat (metres), or over 300 times it (micrometres).
+        """
+        low, high = rows[0][1]["z_mm"], rows[-1][1]["z_mm"]
+        first, last = context.seat_origin, context.seat_origin + context.seat_tiles * context.tile_size
+        if len(rows) < 2 or context.seat_tiles < 2:  # a plan tries a provider on a single tile
+            return
+        told = f"friction.options.file: {self.file}: z_mm reaches from {low:g} to {high:g}, the seat to {last:g} mm"
+        if not 0.003 < (high - low) / (last - first) < 300.0:
+            raise ProviderError(f"{told}; are they in {'m' if high - low < last - first else 'µm'}? write them in mm")
+        if min(high, last) - max(low, first) < 0.5 * (last - first):
+            warnings.warn(f"{told}; beyond, the values of the ends are kept", stacklevel=2)
+
     def _read(self) -> list[Row]:
         try:
-            rows = list(_rows(Path(self.file).read_text(encoding="utf-8-sig")))
+            rows = list(_rows(read_regular(Path(self.file), MOST_BYTES).decode("utf-8-sig")))
             _check_places(rows)
         except _Wrong as wrong:
             raise ProviderError(f"friction.options.file: {self.file}{wrong}") from None
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            told = getattr(error, "strerror", None) or error
-            raise ProviderError(f"friction.options.file: {self.file} cannot be read: {told}") from None
+        except OutputError as error:
+            raise ProviderError(f"friction.options.file: {error}") from None
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ProviderError(f"friction.options.file: {self.file} cannot be read: {error}") from None
         return rows
 
 
@@ -167,7 +189,7 @@ def _rows(text: str) -> Iterator[Row]:
         if columns is None:
             columns = _header(number, cells)
         elif len(cells) != len(columns.given):
-            raise _Wrong(f", line {number}: has {len(cells)} cells, not {len(columns.given)}: {line.strip()!r}")
+            raise _Wrong(f", line {number}: has {len(cells)} cells, not {len(columns.given)}: {line.strip()[:60]!r}")
         else:
             yield number, {name: _number(number, name, cell) for name, cell in zip(columns.given, cells, strict=True)}
     if columns is None:
@@ -180,7 +202,7 @@ def _header(number: int, cells: list[str]) -> _Columns:
             if sorted(cells) == sorted([*place, "coefficient", *more]):
                 return _Columns(place, cells)
     raise _Wrong(
-        f", line {number}: the columns are {','.join(cells)!r}; "
+        f", line {number}: the columns are {','.join(cells)[:60]!r}; "
         "take z_mm,coefficient or seat,bore,coefficient, and perhaps uncertainty"
     )
 
@@ -189,13 +211,13 @@ def _number(line: int, column: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise _Wrong(f", line {line}: {column} is {cell!r}, not a number") from None
+        raise _Wrong(f", line {line}: {column} is {cell[:40]!r}, not a number") from None
     if not math.isfinite(value):
-        raise _Wrong(f", line {line}: {column} is {cell}, not a finite number")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}, not a finite number")
     if column in VALUES and not 0.0 <= value < VALUES[column]:
-        raise _Wrong(f", line {line}: {column} is {cell}; take 0 <= {column} < {VALUES[column]:g}")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}; take 0 <= {column} < {VALUES[column]:g}")
     if column in ("seat", "bore") and not (value.is_integer() and 0 <= value < 2**31):
-        raise _Wrong(f", line {line}: {column} is {cell}, not the number of a tile, 0, 1, 2, ...")
+        raise _Wrong(f", line {line}: {column} is {cell[:40]}, not the number of a tile, 0, 1, 2, ...")
     return value
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,14 @@ from mpi4py import MPI
 
 from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
+from ..base.toml import split_override
 from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
 from ..friction import GivenFriction, ScriptFriction, load_options
 from ..monitor import Silent
 from ..scene import Scene, load_scene, with_script_friction
 from ..solve import solve
 from .measured import Measured, check_scale, comparable
+from .shift import Offset, Tangent, best_offset, offset_at, standard_errors
 
 KEYS = {"uniform": "friction.options.coefficient"}
 DEFAULT_KEY = "friction.options.micro_friction"
@@ -30,6 +32,14 @@ TOLERANCE = 1e-4
 """Step at which the value is found, relative to it or to the width of its bounds, whichever is less."""
 HALVINGS = 4
 """How often a step that the provider refuses is halved."""
+
+MOST_OFFSETS = 8
+"""How often value and offset are found in turn."""
+SETTLED = 1e-3
+"""Change of the offset at which it is found [mm]."""
+BETTER, WORTH = 0.5, 2e-3
+"""An offset is proposed where it leaves less than this share of the residual, and the residual is above this share of
+the largest force."""
 
 Forward = Callable[[float], FloatArray]
 """Parameter -> forces [N] at the measured displacements."""
@@ -173,6 +183,12 @@ class Identification:
     measured: FloatArray  # (n,) [N]
     left_out: int  # measured points outside the scene's displacements
     factorisations: int  # of bodies, in all trials
+    runs: int  # computed curves
+    taken: str  # what of the file was taken for what
+    assumed: tuple[str, ...]  # units that the file does not state
+    shift: float  # offset found [mm], already added to displacement; 0 where it was not sought
+    shift_error: float | None  # its standard error [mm]
+    proposal: Offset | None  # an offset that the residual asks for; its step is relative to the value
 
 
 def identify(
@@ -185,6 +201,7 @@ def identify(
     say: Callable[[str], None] = lambda line: None,
     *,
     friction: GivenFriction | None = None,
+    free_shift: bool = False,
 ) -> Identification:
     """Find the value of a key for which the scene's fitting curve is nearest to the measured one. Collective.
 
@@ -199,6 +216,7 @@ def identify(
         say: told of every trial, on all ranks.
         friction: an object in place of the scene's [friction], see `macrofit.solve.solve`. The key may be one of its
             options (friction.options.KEY) where it is a callable that makes a provider, such as a class.
+        free_shift: whether an offset of the measured displacements is sought too.
 
     Raises:
         MacrofitError: one line, on all ranks together.
@@ -210,30 +228,106 @@ def identify(
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
     start, bounds = _start(scene, key, bounds, script)
     places = _ascending(scene)
-    inside = comparable(measured, places)
-    at, wanted = measured.displacement[inside], measured.force[inside]
     model = ForwardModel(source, common, key, comm, friction)
-
-    def forward(value: float) -> FloatArray:
-        forces = np.interp(at, places, model.force(value))
-        if model.runs == 1:
-            check_scale(wanted, forces, at)
-        misfit = np.sqrt(np.mean((wanted - forces) ** 2))
-        say(f"{key} = {value:.6g}  misfit {misfit / 1e3:.5g} kN")
-        return forces
-
-    found = fit_parameter(forward, wanted, start, bounds)
+    search = _Search(measured, places, model, bounds, say)
+    found, shift = search.with_offset(start) if free_shift else (search.at(0.0, start), 0.0)
+    at, wanted = search.points(shift)
     final = load_scene(source, [*common, f"{key}={found.value!r}"])
+    fit, error = search.judged(found, at) if free_shift else (found, None)
     return Identification(
         key=key,
         bounds=bounds,
         scene=final if script is None else with_script_friction(final, script),
-        fit=found,
+        fit=fit,
         displacement=at,
         measured=wanted,
-        left_out=int((~inside).sum()),
+        left_out=len(measured.force) - len(wanted),
         factorisations=model.factorisations,
+        runs=len(model.known),
+        taken=measured.taken,
+        assumed=measured.assumed,
+        shift=shift,
+        shift_error=error,
+        proposal=None if free_shift else search.proposal(found),
     )
+
+
+class _Search:
+    """The fit of one curve, at an offset of its displacements or with the offset as a second unknown."""
+
+    def __init__(
+        self,
+        measured: Measured,
+        places: FloatArray,
+        model: ForwardModel,
+        bounds: tuple[float, float],
+        say: Callable[[str], None],
+    ) -> None:
+        self.measured, self.places, self.model, self.bounds, self.say = measured, places, model, bounds, say
+
+    def points(self, shift: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements [mm] and forces [N] that lie within the computed ones at this offset."""
+        moved = replace(self.measured, displacement=self.measured.displacement + shift)
+        inside = comparable(moved, self.places)
+        return moved.displacement[inside], moved.force[inside]
+
+    def at(self, shift: float, start: float) -> Fit:
+        """The fit at this offset."""
+        at, wanted = self.points(shift)
+
+        def forward(value: float) -> FloatArray:
+            fresh = value not in self.model.known
+            forces = np.interp(at, self.places, self.model.force(value))
+            if len(self.model.known) == 1:
+                check_scale(wanted, forces, self.measured.assumed)
+            misfit = np.sqrt(np.mean((wanted - forces) ** 2))
+            if fresh:
+                moved = f"  shift {shift:+.3f} mm" if shift else ""
+                self.say(f"{self.model.key} = {value:.6g}{moved}  misfit {misfit / 1e3:.5g} kN")
+            return forces
+
+        return fit_parameter(forward, wanted, start, self.bounds)
+
+    def with_offset(self, start: float) -> tuple[Fit, float]:
+        """Value and offset in turn, until neither moves.
+
+        Raises:
+            IdentificationError: they go on moving.
+        """
+        low, high = self.bounds
+        first = np.interp(self.measured.displacement, self.places, self.model.force(start))
+        check_scale(self.measured.force, first, self.measured.assumed)
+        self.model.force(_second(start, np.ones(1), np.ones(1), self.bounds))
+        offset = best_offset(self.measured, self.tangent(start))
+        value = float(np.clip(start + offset.step, low, high))
+        for _ in range(MOST_OFFSETS):
+            found = self.at(offset.shift, value)
+            before, offset = offset, best_offset(self.measured, self.tangent(found.value))
+            if abs(offset.shift - before.shift) <= SETTLED:
+                return found, before.shift
+            value = float(np.clip(found.value + offset.step, low, high))
+        raise IdentificationError("value and offset do not settle; leave out --free-shift and give --shift")
+
+    def tangent(self, value: float) -> Tangent:
+        """The computed curve at a value that was tried."""
+        known, (low, high) = self.model.known, self.bounds
+        size = min(abs(value), high - low) or high - low
+        return Tangent(self.places, known[value], _secant(known, value, 1e-3 * size))
+
+    def judged(self, found: Fit, at: FloatArray) -> tuple[Fit, float]:
+        """The fit with the errors that its value has beside an unknown offset, and the offset's."""
+        error, of_shift = standard_errors(at, self.tangent(found.value), found.residual)
+        wider = found.standard_error_correlated / found.standard_error if found.standard_error else 1.0
+        return replace(found, standard_error=error, standard_error_correlated=wider * error), of_shift
+
+    def proposal(self, found: Fit) -> Offset | None:
+        """An offset that would leave much less of the residual; None where it would not."""
+        tangent = self.tangent(found.value)
+        present = offset_at(self.measured, tangent).deviation
+        if present <= WORTH * float(np.abs(found.fitted).max()):
+            return None
+        offset = best_offset(self.measured, tangent)
+        return offset if offset.deviation < BETTER * present else None
 
 
 class ForwardModel:
@@ -244,15 +338,17 @@ class ForwardModel:
     ) -> None:
         self.source, self.overrides, self.key, self.comm, self.friction = source, overrides, key, comm, friction
         self.factorisations = 0
-        self.runs = 0
+        self.known: dict[float, FloatArray] = {}
         self._assembly: Assembly | None = None
 
     def force(self, value: float) -> FloatArray:
-        """Pushing force [N] at the scene's displacements.
+        """Pushing force [N] at the scene's displacements; computed once for a value.
 
         Raises:
             ConvergenceError: an increment did not converge.
         """
+        if value in self.known:
+            return self.known[value]
         without = ["output.stress=false", "output.fields=[]", "output.frames=0"]
         scene = load_scene(self.source, [*self.overrides, *without, f"{self.key}={value!r}"])
         if self._assembly is None or not self._assembly.serves(scene):
@@ -262,7 +358,7 @@ class ForwardModel:
         failed = sum(not record.converged for record in solution.increments)
         if failed:
             raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
-        self.runs += 1
+        self.known[value] = solution.force
         return solution.force
 
 
@@ -288,7 +384,7 @@ def _start(
 
 def _value(scene: Scene, key: str, script: ScriptFriction | None) -> float:
     """The number a key has in the scene, or the default of the provider's option."""
-    *path, last = key.split(".")
+    *path, last = split_override(f"{key}=0")[0]
     value: Any = msgspec.to_builtins(scene)
     if path == ["friction", "options"]:
         value = _options(scene, script)

@@ -1,26 +1,29 @@
-"""A measured pressing curve: read from a file of two columns, its units found or assumed, its plausibility checked."""
+"""A measured pressing curve: read from a file as test rigs write it, its plausibility checked."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.textfile import TextTable, read_text_table
+from ..base.units import AMBIGUOUS, FORCES, LENGTHS, Heading, kind_of, known_unit, read_heading
 from ..errors import OutputError
 
-LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
-FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6}
-UNIT = re.compile(r"(?:[_\[(/\s])\s*(mm|cm|m|N|kN|MN)\s*[\])]?\s*$")
-OTHER_UNIT = re.compile(
-    r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(lbf|kip|daN|kgf|kg|tf?|in|inch|ft|[uµ]m|bar|MPa)$", re.IGNORECASE
-)
+MOST_BYTES = 100_000_000
+"""Size of a curve; an hour at 1 kHz has about as much."""
 FEWEST = 5
 """Points that a fit needs at least."""
-FAR = 50.0
-"""A measured curve this many times larger or smaller than the computed one is taken for one in other units."""
+FAR, NEAR = 50.0, 3.0
+"""A measured curve this many times larger or smaller than the computed one is taken for one in other units: where a
+unit is stated, and where it was only assumed."""
+LARGEST = 1e15
+"""No displacement [mm] and no force [N] is larger."""
+JITTER = 0.005
+"""How far a displacement may go back, relative to the whole way [-]: a transducer's noise, not a return."""
 
 
 @dataclass(frozen=True)
@@ -29,48 +32,104 @@ class Measured:
 
     displacement: FloatArray  # (n,) [mm]
     force: FloatArray  # (n,) [N]
+    taken: str = ""
+    """What of the file was taken for what, in words; empty for a curve that was not read from a file."""
+    assumed: tuple[str, ...] = field(default=())
+    """Units that the file does not state: mm, N, or both."""
 
 
-def read_measured(path: Path) -> Measured:
-    """Displacement and force, the first two columns of a file; a fitting_curve.csv of macrofit is one.
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What the user says of a file beyond what stands in it."""
 
-    Columns are separated by commas, semicolons, tabs or blanks; with semicolons, tabs or blanks a decimal comma is
-    understood. A first line that is no numbers is the header; units at the end of its names (displacement_mm,
-    "force [kN]") are used, mm and N where there are none. Lines that start with # are left out.
+    columns: tuple[str, str] | None = None
+    """Numbers (from 1) or names of the columns of displacement and force; None: found out."""
+    start: float | None = None
+    """The record begins where it first reaches this displacement of the file [mm]."""
+    end: float | None = None
+    """It ends where it first reaches this one [mm]."""
+    shift: float = 0.0
+    """Is added to the displacements [mm]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Column:
+    index: int
+    heading: Heading | None
+    unit: str
+    factor: float
+    assumed: bool
+
+    def __str__(self) -> str:
+        name = f'"{self.heading.name}"' if self.heading is not None and self.heading.name else "without a name"
+        return f"column {self.index + 1} {name} [{self.unit}{', assumed' if self.assumed else ''}]"
+
+
+def read_measured(path: Path, reading: Reading | None = None) -> Measured:
+    """Displacement and force from a text file; a fitting_curve.csv of macrofit is one.
+
+    Encoding, separator, decimal sign, what stands before the numbers, the row of names and that of units are found
+    out. Columns are found by their units and names (LENGTHS and FORCES of `units`); two columns without any are
+    displacement [mm] and force [N]. Comments start with #. A record sampled in time may rest, and go back by a share
+    `JITTER` of its way: the points of a place are averaged.
 
     Raises:
-        OutputError: unreadable, not two columns, not a number, not finite, or displacements that do not ascend; the
-            message has the line.
+        OutputError: unreadable, not a number, not finite, a unit that is not known, columns that cannot be told
+            apart, or displacements that go back; the message has the line.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise OutputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
-    if not lines:
-        raise OutputError(f"{path}: is empty")
-    separator = next((sign for sign in (";", "\t", ",") if sign in lines[0][1]), None)
-    scales = (1.0, 1.0)
-    if _number(_cells(lines[0][1], separator)[0], separator) is None:
-        scales = _units(_cells(lines[0][1], separator), path)
-        lines = lines[1:]
-    rows: list[tuple[float, float]] = []
-    for number, line in lines:
-        cells = _cells(line, separator)
-        if len(cells) < 2:
-            raise OutputError(f"{path}: line {number}: has no two columns, displacement [mm] and force [N]")
-        values = [_number(cell, separator) for cell in cells[:2]]
-        if values[0] is None or values[1] is None or not np.isfinite(values[0] + values[1]):
-            raise OutputError(f"{path}: line {number}: '{line[:60]}' is not two finite numbers")
-        if rows and values[0] <= rows[-1][0]:
-            raise OutputError(
-                f"{path}: line {number}: displacement {values[0]:g} after {rows[-1][0]:g}; they must ascend, so keep "
-                f"the insertion alone and average repeated places"
-            )
-        rows.append((values[0], values[1]))
-    table = np.array(rows).reshape(-1, 2) * scales
-    return Measured(table[:, 0], table[:, 1])
+    reading = reading or Reading()
+    table = read_text_table(path, MOST_BYTES)
+    preamble, first = _find_start(table)
+    headings = _headings(preamble, len(first))
+    places, forces = _choose(table, headings, first, reading.columns)
+    lines, values = _numbers(table, len(preamble), len(first), (places.index, forces.index))
+    along, force = values.T * np.array([[places.factor], [forces.factor]])
+    if max(np.abs(along).max(), np.abs(force).max()) > LARGEST:
+        raise OutputError(f"{path}: holds numbers beyond {LARGEST:g} mm or N")
+    _check_swapped(path, along, force, reading.columns)
+    lines, along, force = _cut(lines, along, force, reading, path)
+    rows, low, high = len(along), float(along.min()), float(along.max())
+    along, force = ascending(along, force, path, lines)
+    said = (
+        f"{path}: displacement {places}, force {forces}, {rows} rows from {low:.6g} to {high:.6g} mm, up to "
+        f"{np.abs(force).max() / 1e3:.5g} kN ({table.style.in_words()}, {table.encoding})"
+    )
+    said += f", shifted by {reading.shift:g} mm" if reading.shift else ""
+    said += f", averaged to {len(along)} points" if len(along) < rows else ""
+    assumed = tuple(column.unit for column in (places, forces) if column.assumed)
+    return Measured(along + reading.shift, force, said, assumed)
+
+
+def ascending(along: FloatArray, force: FloatArray, path: Path, lines: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Displacements made ascending by averaging the points of places where they rest or go back a little.
+
+    Neighbours that do not ascend are pooled, as in isotonic regression (Barlow et al. 1972).
+
+    Raises:
+        OutputError: they go back by more than noise.
+    """
+    highest = np.maximum.accumulate(along)
+    back = highest - along
+    worst = int(np.argmax(back))
+    if back[worst] > JITTER * max(float(np.ptp(along)), 1e-300):
+        least = float(along[-1]) < float(along[0])
+        remedy = (
+            "they descend: turn their sign" if least else f"end the record before it with --to {highest[worst]:.6g}"
+        )
+        raise OutputError(
+            f"{path}: line {lines[worst]}: displacement {along[worst]:.6g} after {highest[worst]:.6g} mm; they must "
+            f"ascend, for a curve of insertion alone: {remedy}"
+        )
+    if (np.diff(along) > 0.0).all():
+        return along, force
+    pools: list[tuple[float, float, int]] = []  # sums of both, and how many
+    for x, f in zip(along.tolist(), force.tolist(), strict=True):
+        pools.append((x, f, 1))
+        while len(pools) > 1 and pools[-2][0] * pools[-1][2] >= pools[-1][0] * pools[-2][2]:
+            last, before = pools.pop(), pools.pop()
+            pools.append((before[0] + last[0], before[1] + last[1], before[2] + last[2]))
+    sums = np.array(pools)
+    return sums[:, 0] / sums[:, 2], sums[:, 1] / sums[:, 2]
 
 
 def comparable(measured: Measured, computed: FloatArray) -> FloatArray:
@@ -83,6 +142,7 @@ def comparable(measured: Measured, computed: FloatArray) -> FloatArray:
     if inside.sum() < FEWEST:
         low, high = measured.displacement[[0, -1]] if len(measured.displacement) else (np.nan, np.nan)
         hint = "; is the column in m? write displacement_m in its header" if 0.0 < high <= computed[-1] / 500.0 else ""
+        hint = hint or "; --shift moves them"
         raise OutputError(
             f"the measured displacements, {low:g} to {high:g} mm, and those of the scene, {computed[0]:g} to "
             f"{computed[-1]:g} mm, have {inside.sum()} points in common and {FEWEST} are needed{hint}"
@@ -90,51 +150,224 @@ def comparable(measured: Measured, computed: FloatArray) -> FloatArray:
     return np.asarray(inside)
 
 
-def check_scale(measured: FloatArray, computed: FloatArray, displacement: FloatArray) -> None:
+def check_scale(measured: FloatArray, computed: FloatArray, assumed: Sequence[str] = ()) -> None:
     """Refuse measured forces [N] that are far from the computed ones at the same places: other units, or another sign.
 
+    Args:
+        measured: forces [N].
+        computed: forces of the first trial [N].
+        assumed: units that the file does not state; forces that may not be in N are held to a narrower range.
+
     Raises:
-        OutputError: they are, or the scene needs no force.
+        OutputError: they are far, or the scene needs no force.
     """
     top, reached = float(np.abs(measured).max()), float(np.abs(computed).max())
     if reached == 0.0:
-        raise OutputError("the scene needs no force where the curve was measured; nothing can be found from it")
-    if float(measured @ computed) <= 0.0:
-        raise OutputError("the measured forces have the other sign than the computed ones; pushing on counts positive")
-    if 1.0 / FAR < top / reached < FAR:
+        hint = ": are its displacements in mm? name their unit in the header" if "mm" in assumed else ""
+        raise OutputError(f"the scene needs no force where the curve was measured; nothing can be found from it{hint}")
+    bound = NEAR if "N" in assumed else FAR
+    if top > 0.0 and 1.0 / bound < top / reached < bound:
+        if float(measured @ computed) <= 0.0:
+            raise OutputError("the measured forces have the other sign than the computed ones; pushing on is positive")
         return
-    if float(np.ptp(displacement)) > 0.0 and abs(np.log10(reached / top) - 3.0) < 1.0:
-        guess = "; is the column in kN? write force_kN in its header"
-    else:
-        guess = "; is the column in MN? write force_MN in its header" if top < reached else ""
+    near = [unit for unit, factor in FORCES.items() if 0.4 < factor * top / reached < 2.5 and unit != "N"]
+    guess = f"; is the column in {' or '.join(near)}? write force_{near[0]} in its header" if near else ""
+    if "N" in assumed:
+        guess = (guess or "; does the scene have the right interference?") + " (write force_N there if it is in N)"
     raise OutputError(f"the measured forces reach {top:g} N, the computed ones {reached:.3g} N{guess}")
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def _number(cell: str, separator: str | None) -> float | None:
-    try:
-        return float(cell if separator == "," else cell.replace(",", "."))
-    except ValueError:
-        return None
-
-
-def _units(names: list[str], path: Path) -> tuple[float, float]:
-    """What brings the two columns to mm and N.
+def _find_start(table: TextTable) -> tuple[list[list[str]], list[str]]:
+    """The cells of each line before the first row of numbers, and those of that row.
 
     Raises:
-        OutputError: a unit that is not known.
+        OutputError: no line has two numbers, or the line before them may be a damaged row of the curve.
     """
-    scales = []
-    for name, known in zip(names[:2], (LENGTHS, FORCES), strict=False):
-        found = UNIT.search(name)
-        other = OTHER_UNIT.search(name)
-        if found is None and other is not None:
+    preamble: list[list[str]] = []
+    number, line, numeric = 0, "", False
+    for place, text, cells in table.rows():
+        if text.startswith("#"):
+            preamble.append(table.style.cells(text.lstrip("# ")))
+            numeric = numeric and table.style.number(table.style.cells(line)[0]) is not None
+            continue
+        numbers = sum(table.style.number(cell) is not None for cell in cells)
+        if numbers >= 2 and not numeric:
+            return preamble, cells
+        if numbers >= 2:
             raise OutputError(
-                f"{path}: unit '{other.group(1) or other.group(2)}' in its header is not known; take "
-                f"{', '.join(LENGTHS)} and {', '.join(FORCES)}"
+                f"{table.path}: line {number}: '{line[:60]}' is not two finite numbers; if it is no row of the curve, "
+                f"write # before it"
             )
-        scales.append(known.get(found.group(1), 1.0) if found else 1.0)
-    return (scales[0], scales[1]) if len(scales) == 2 else (1.0, 1.0)
+        number, line, numeric = place, text, numbers == 1
+        preamble.append(cells)
+    first, text = next((place, text) for place, text in table.lines if not text.startswith("#"))
+    raise OutputError(
+        f"{table.path}: line {first}: '{text[:60]}' has no two columns of numbers, displacement [mm] and force [N], "
+        f"and neither has any line below it"
+    )
+
+
+def _headings(preamble: list[list[str]], width: int) -> list[Heading] | None:
+    """What the last rows before the numbers, those of names and of units, say of the columns; None for nothing."""
+    rows = [cells for cells in preamble if any(cells)]
+    if not rows or len(rows[-1]) != width:
+        return None
+    last = rows[-1]
+    known = [known_unit(cell.strip("[]() ")) for cell in last]
+    kinds = {kind_of(unit) for unit in known if unit is not None}
+    named = all(unit or not cell.strip("[]()- ") for unit, cell in zip(known, last, strict=True))
+    framed = all(cell in ("", "-") or (cell[0] in "[(" and cell[-1] in "])") for cell in last)
+    if not framed and not (named and {"length", "force"} <= kinds):
+        return [read_heading(name) for name in last]
+    names = rows[-2] if len(rows) > 1 and len(rows[-2]) == width else [""] * width
+    return [read_heading(name, unit) for name, unit in zip(names, last, strict=True)]
+
+
+def _choose(
+    table: TextTable, headings: list[Heading] | None, first: list[str], asked: tuple[str, str] | None
+) -> tuple[_Column, _Column]:
+    """The columns of displacement and force.
+
+    Raises:
+        OutputError: they cannot be told from the others.
+    """
+    width = len(first)
+    commas = table.style.separator == "," and not any("." in line or '"' in line for _, line in table.lines[-3:])
+    if headings is None and commas and width > 2:
+        raise OutputError(
+            f"{table.path}: commas may be decimal signs and separators at once; write decimal points, another "
+            f"separator, or a header with the names of all {width} columns"
+        )
+    found = (
+        _by_kind(table, headings, first) if asked is None else [_asked(table.path, n, headings, width) for n in asked]
+    )
+    chosen = (found[0], found[1])
+    return (
+        _column(table.path, chosen, 0, headings, LENGTHS, "mm"),
+        _column(table.path, chosen, 1, headings, FORCES, "N"),
+    )
+
+
+def _asked(path: Path, name: str, headings: list[Heading] | None, width: int) -> int:
+    """Index of a column that the user names."""
+    names = [] if headings is None else [heading.name for heading in headings]
+    same = [i for i, each in enumerate(names) if name in (each, each.split(" [")[0])]
+    if len(same) == 1:
+        return same[0]
+    if name.isascii() and name.isdigit() and 1 <= int(name) <= width:
+        return int(name) - 1
+    raise OutputError(f"{path}: --columns: no column {name!r}; take numbers from 1 to {width}, or names: {names}")
+
+
+def _by_kind(table: TextTable, headings: list[Heading] | None, first: list[str]) -> list[int]:
+    """The columns of displacement and force, by units and names; of two that say nothing, in this order."""
+    numeric = [i for i, cell in enumerate(first) if table.style.number(cell) is not None]
+    kinds = {i: None if headings is None else headings[i].kind for i in numeric}
+    chosen: list[list[int]] = [[i for i in numeric if kinds[i] == kind] for kind in ("length", "force")]
+    if headings is not None:
+        chosen = [_with_units(columns, headings) for columns in chosen]
+    silent = [i for i in numeric if kinds[i] is None]
+    if len(numeric) == 2 and len(silent) == 2:
+        return numeric
+    if len(numeric) == 2 and len(silent) == 1:  # one says what it is, so that the other is known too
+        chosen = [columns or silent for columns in chosen]
+    if len(chosen[0]) == 1 and len(chosen[1]) == 1 and chosen[0] != chosen[1]:
+        return [chosen[0][0], chosen[1][0]]
+    if chosen[0][:1] == [0] and chosen[1][:1] == [1] and headings is not None and _ours(headings):
+        return [0, 1]
+    names = "" if headings is None else f": {', '.join(heading.name or '-' for heading in headings)}"
+    raise OutputError(
+        f"{table.path}: has {len(first)} columns{names[:200]}; which is the displacement, and which the force? Write "
+        f"--columns with their numbers or names, for example --columns 2,3, or units in the header, [mm] and [kN]"
+    )
+
+
+def _with_units(columns: list[int], headings: list[Heading]) -> list[int]:
+    """Those that name a unit, where some do."""
+    return [i for i in columns if headings[i].unit is not None] or columns
+
+
+def _ours(headings: list[Heading]) -> bool:
+    """Whether these are the columns of a fitting_curve.csv."""
+    return [heading.name for heading in headings[:3]] == ["displacement_mm", "force_N", "normal_force_N"]
+
+
+def _column(
+    path: Path,
+    chosen: tuple[int, int],
+    which: int,
+    headings: list[Heading] | None,
+    known: dict[str, float],
+    default: str,
+) -> _Column:
+    """One of the two columns with its unit.
+
+    Raises:
+        OutputError: the unit is not known, or not of this kind.
+    """
+    if headings is None:
+        return _Column(index=chosen[which], heading=None, unit=default, factor=1.0, assumed=True)
+    heading, other = headings[chosen[which]], headings[chosen[1 - which]]
+    strange, unit = heading.strange, heading.unit
+    if strange is None and unit is None and other.unit is not None:  # where one names its unit, so may the other
+        strange = heading.last
+    if strange is None and unit is not None and unit not in known:
+        strange = unit
+    if strange is not None:
+        meant = AMBIGUOUS.get(strange.lower())
+        remedy = f": write {meant}" if meant else f"; take one of {', '.join(known)}"
+        raise OutputError(f"{path}: unit '{strange}' in its header is not known{remedy}")
+    factor = known[unit or default]
+    return _Column(index=chosen[which], heading=heading, unit=unit or default, factor=factor, assumed=unit is None)
+
+
+def _numbers(table: TextTable, skip: int, width: int, chosen: tuple[int, int]) -> tuple[list[int], FloatArray]:
+    """Line numbers and values (n, 2) of the chosen columns, all that follow the first row of numbers.
+
+    Raises:
+        OutputError: a line that is no row of numbers.
+    """
+    numbers: list[int] = []
+    rows: list[tuple[float, float]] = []
+    for number, line, cells in list(table.rows())[skip:]:
+        if line.startswith("#"):
+            continue
+        pair = [table.style.number(cells[i]) if i < len(cells) else None for i in chosen]
+        if pair[0] is None or pair[1] is None or not np.isfinite(pair[0] + pair[1]):
+            raise OutputError(f"{table.path}: line {number}: '{line[:60]}' is not two finite numbers")
+        if len(cells) > width:
+            raise OutputError(f"{table.path}: line {number}: has {len(cells)} cells, those before it {width}")
+        numbers.append(number)
+        rows.append((pair[0], pair[1]))
+    return numbers, np.array(rows).reshape(-1, 2)
+
+
+def _check_swapped(path: Path, along: FloatArray, force: FloatArray, asked: tuple[str, str] | None) -> None:
+    """Refuse two columns in the wrong order: what was taken for the force ascends, the displacement does not."""
+    steps, other = np.diff(along), np.diff(force)
+    if asked is None and len(steps) > 1 and (other > 0.0).all() and not (steps > 0.0).all():
+        raise OutputError(
+            f"{path}: the column taken for the displacement does not ascend, and that of the force does: are they "
+            f"swapped? Write --columns 2,1, or 1,2 if they are not"
+        )
+
+
+def _cut(
+    lines: list[int], along: FloatArray, force: FloatArray, reading: Reading, path: Path
+) -> tuple[list[int], FloatArray, FloatArray]:
+    """The record from where it first reaches `start` to where it first reaches `end`.
+
+    Raises:
+        OutputError: nothing is left.
+    """
+    first, last = 0, len(along)
+    if reading.start is not None:
+        reached = np.flatnonzero(along >= reading.start)
+        first = int(reached[0]) if len(reached) else last
+    if reading.end is not None:
+        passed = np.flatnonzero(along[first:] >= reading.end)
+        last = first + int(passed[0]) + int(along[first + passed[0]] == reading.end) if len(passed) else last
+    if last - first < 1:
+        low, high = float(along.min()), float(along.max())
+        raise OutputError(f"{path}: nothing lies between --from and --to; the displacements are {low:g} to {high:g} mm")
+    return lines[first:last], along[first:last], force[first:last]

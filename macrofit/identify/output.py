@@ -11,12 +11,17 @@ from mpi4py import MPI
 from ..base.figure import BLUE, VERMILION, save, sheet
 from ..base.files import write_json, write_text
 from ..base.ranks import raise_together
+from ..base.toml import last_part
 from ..results.folder import prepare
 from ..results.versions import versions
 from .fit import Identification, identify
-from .measured import read_measured
+from .measured import Reading, read_measured
 
 NUMBERS, CURVES, FIGURE = "identification.json", "identified_curve.csv", "identification.png"
+MISFIT = 0.1
+"""Residual over the largest force above which a value is doubtful [-]."""
+COVERED = 0.2
+"""Share of the scene's motion that a curve should cover [-]."""
 ASSUMPTIONS = (
     "standard_error is sqrt(sigma^2 / J'J) of the measured points: it takes their errors as independent, of one "
     "spread, and the scene (drawing, interference, surfaces) as exact. standard_error_correlated allows for residuals "
@@ -34,6 +39,8 @@ def carry_out_identification(
     key: str | None,
     bounds: tuple[float, float] | None,
     quiet: bool,
+    reading: Reading | None = None,
+    free_shift: bool = False,
 ) -> list[str]:
     """Identify, write into ``folder``, and give the summary lines (rank 0). Collective.
 
@@ -41,7 +48,7 @@ def carry_out_identification(
         MacrofitError: on all ranks together.
     """
     with raise_together(comm):
-        measured = read_measured(curve)
+        measured = read_measured(curve, reading)
         if comm.rank == 0:
             prepare(folder, owned=(folder / NUMBERS).is_file())
 
@@ -49,7 +56,8 @@ def carry_out_identification(
         if comm.rank == 0 and not quiet:
             print(line, flush=True)
 
-    found = identify(source, measured, overrides, key, bounds, comm, say)
+    say(f"Curve           {measured.taken}")
+    found = identify(source, measured, overrides, key, bounds, comm, say, free_shift=free_shift)
     lines: list[str] = []
     with raise_together(comm):
         if comm.rank == 0:
@@ -89,6 +97,12 @@ def numbers(found: Identification, curve: str) -> dict[str, Any]:
         "points": len(found.measured),
         "points_left_out": found.left_out,
         "curve": curve,
+        "curve_taken": found.taken,
+        "units_assumed": list(found.assumed),
+        "shift_mm": found.shift,
+        "shift_standard_error_mm": found.shift_error,
+        "proposed_shift_mm": None if found.proposal is None else found.proposal.shift,
+        "doubts": doubts(found),
         "provider": found.scene.friction.provider,
         "options": found.scene.friction.options,
         "trials": [{"value": value, "sum_of_squares_N2": squares} for value, squares in fit.trials],
@@ -102,17 +116,42 @@ def sentences(found: Identification) -> list[str]:
     fit = found.fit
     top = float(np.abs(found.measured).max())
     lines = [
-        f"Identified      {found.key} = {fit.value:.5g} ± {fit.standard_error:.2g} (standard error), "
-        f"{len(fit.trials)} runs",
+        f"Identified      {found.key} = {fit.value:.5g} ± {fit.standard_error:.2g} (standard error), {found.runs} runs",
         f"Residual        {fit.sigma / 1e3:.4g} kN, {fit.sigma / top:.2%} of the largest force, "
         f"{len(found.measured)} points",
     ]
+    if found.shift_error is not None:
+        lines.append(f"Shift           {found.shift:+.4g} ± {found.shift_error:.2g} mm added to the displacements")
     if found.left_out:
         lines.append(f"Left out        {found.left_out} points outside the displacements of the scene")
     if fit.correlation > 2.0 / np.sqrt(len(found.measured)):
         lines.append(
             f"Correlated      neighbouring residuals are alike ({fit.correlation:.2f}): more than noise is left; "
             f"± {fit.standard_error_correlated:.2g} allows for it"
+        )
+    if found.proposal is not None:
+        lines.append(
+            f"Offset          displacements shifted by {found.proposal.shift:+.3g} mm would leave a residual of "
+            f"{found.proposal.deviation / 1e3:.3g} kN and give {fit.value + found.proposal.step:.4g}: if the record "
+            f"may have begun late or early, repeat with --free-shift"
+        )
+    return [*lines, *(f"Doubtful        {line}" for line in doubts(found))]
+
+
+def doubts(found: Identification) -> list[str]:
+    """What makes the value doubtful, a line each."""
+    lines = []
+    share = found.fit.sigma / float(np.abs(found.measured).max())
+    if share > MISFIT:
+        lines.append(
+            f"the curve of the scene is not the measured one: {share:.0%} of the largest force is left; check units, "
+            f"columns, offset and drawing"
+        )
+    whole, covered = float(np.ptp(found.scene.displacements)), float(np.ptp(found.displacement))
+    if covered < COVERED * whole:
+        lines.append(
+            f"the measured curve covers {covered:.3g} of {whole:.4g} mm of the scene's motion"
+            + ("; its displacements are taken for mm, which the file does not say" if "mm" in found.assumed else "")
         )
     return lines
 
@@ -121,7 +160,7 @@ def figure(found: Identification) -> Any:
     """Measured and fitted force against displacement, and the residual below."""
     drawn, (upper, lower) = sheet(7.0, 6.0, rows=2)
     fit = found.fit
-    name = found.key.rpartition(".")[2]
+    name = last_part(found.key)
     upper.plot(found.displacement, found.measured / 1e3, ".", color=VERMILION, ms=3, label="measured")
     label = f"fitted, {name} = {fit.value:.4g} ± {fit.standard_error:.1g}"
     upper.plot(found.displacement, fit.fitted / 1e3, color=BLUE, lw=1.6, label=label)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from ..base.arrays import FloatArray, IntArray
-from ..base.files import starts_with
+from ..base.files import read_regular, starts_with
 from ..base.log import Log, frame, frames, lock_free
 from ..errors import OutputError
 from ..scene import Scene
@@ -25,6 +25,7 @@ from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
 VERSION = 3
+"""Version of the frames and of what is in them; 2 had frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -128,6 +129,10 @@ def _refuse_to_lose(path: Path, scene: Scene, replace: bool) -> None:
         )
 
 
+LARGEST_FILE = 1_000_000_000
+"""Size of a file that a scene names; a mesh of a million nodes has 0.1 GB."""
+
+
 def _header(scene: Scene) -> _Header:
     text = msgspec.json.encode(scene, order="deterministic")
     return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, file_digests(scene))
@@ -138,7 +143,7 @@ def file_digests(scene: Scene) -> dict[str, str]:
     named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
     named |= _flat(scene.friction.options, "friction.options")
     return {
-        key: hashlib.sha256(Path(value).read_bytes()).hexdigest()
+        key: hashlib.sha256(read_regular(Path(value), LARGEST_FILE)).hexdigest()
         for key, value in named.items()
         if isinstance(value, str) and os.path.isfile(value)
     }
@@ -195,7 +200,9 @@ def _read_header(path: Path, data: bytes) -> tuple[_Header, int]:
         content, end = next(frames(data, len(MAGIC)))
         header = msgspec.msgpack.decode(content, type=_Header)
     except (StopIteration, ValueError, msgspec.MsgspecError):
-        raise OutputError(f"{path}: its header is damaged; run without --resume") from None
+        raise OutputError(
+            f"{path}: its header is damaged, or of an older version of macrofit; run without --resume"
+        ) from None
     if header.version != VERSION:
         raise OutputError(f"{path}: is of journal version {header.version}, not {VERSION}; run without --resume")
     return header, end

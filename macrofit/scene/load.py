@@ -97,7 +97,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
     if name in scene_names():
         return parse_toml((resources.files("macrofit.scene") / "library" / f"{name}.toml").read_text(), name), None
     path = Path(source)
-    if not path.is_file():
+    if not path.exists():
         known = ", ".join(scene_names())
         raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
     return read_toml(path), path.parent

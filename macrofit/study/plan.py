@@ -16,6 +16,7 @@ from typing import Any
 import msgspec
 
 from .. import __version__
+from ..base.toml import last_part
 from ..errors import MacrofitError, SceneError
 from ..friction import BuildContext, GivenFriction, ScriptFriction, build_provider
 from ..results.journal import VERSION, file_digests
@@ -229,5 +230,5 @@ def _no_twins(runs: Sequence[PlannedRun]) -> None:
 
 def _short(key: str, keys: Sequence[str]) -> str:
     """The last part of a key, where no other has the same."""
-    last = key.rpartition(".")[2]
-    return last if sum(other.rpartition(".")[2] == last for other in keys) == 1 else key
+    last = last_part(key)
+    return last if sum(last_part(other) == last for other in keys) == 1 else key

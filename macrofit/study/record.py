@@ -14,7 +14,8 @@ from ..base.log import Log, frames
 from ..errors import OutputError
 from ..solution import Extreme, Solution
 
-MAGIC = b"macrofit study 2\n"
+KIND = b"macrofit study "
+MAGIC = KIND + b"2\n"
 
 
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -97,7 +98,9 @@ class StudyFile:
     def _read(self, held: bytes) -> int:
         """Fill the records; gives the place where the last whole one ends."""
         if not held.startswith(MAGIC):
-            raise OutputError(f"{self.path}: is not of a study of this version of macrofit; choose another folder")
+            raise OutputError(
+                f"{self.path}: is of a study of another version of macrofit; start again without --resume"
+            )
         end = len(MAGIC)
         try:
             for content, place in frames(held, end):
@@ -111,7 +114,7 @@ class StudyFile:
 
 def is_study(path: Path) -> bool:
     """Whether the file is there and starts as one of a study does."""
-    return starts_with(path, MAGIC)
+    return starts_with(path, KIND)
 
 
 def held_digests(path: Path) -> set[str]:

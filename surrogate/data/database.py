@@ -28,7 +28,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from macrofit.base.files import force_to_disk, writing
+from macrofit.base.errors import OutputError
+from macrofit.base.files import check_regular, force_to_disk, in_bytes, writing
 from macrofit.base.log import Log
 
 from ..errors import DatabaseError
@@ -44,6 +45,10 @@ JOURNALLED = 500
 """Samples in the journal, at least, before the HDF5 file takes them; later a tenth of what the file holds."""
 LONGEST_REASON = 400
 """Bytes of the reason of a failure that the HDF5 file keeps."""
+MOST_BYTES = 100_000_000_000
+"""Size of a database; one of a million samples has 10 GB."""
+MOST_COMPRESSED = 1100
+"""How much smaller than its content a column may be stored: deflate reaches 1032."""
 _DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
 """What h5py raises on a file that is not what it should be."""
 
@@ -267,8 +272,11 @@ def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None
 def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
     """An HDF5 file that says it is a database of this schema; what h5py finds wrong in it names the file."""
     try:
+        check_regular(path, MOST_BYTES)
         with path.open("rb") as start:
             signature = start.read(8)
+    except OutputError as error:
+        raise DatabaseError(str(error)) from None
     except OSError as error:
         raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
     if signature != b"\x89HDF\r\n\x1a\n":
@@ -279,12 +287,26 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
                 raise DatabaseError(f"{path}: is an HDF5 file, but not a database of samples")
             if int(file.attrs["schema"]) != SCHEMA:
                 raise DatabaseError(f"{path}: is of schema {file.attrs['schema']}, not {SCHEMA}; make it anew")
+            _check_stored(file)
             kinds = {field.name: field.type for field in msgspec.structs.fields(Header)}
             yield file, Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
     except DatabaseError:
         raise
     except _DAMAGED as error:
         raise DatabaseError(f"{path}: is damaged or cut short ({error}); move it away and make it anew") from error
+
+
+def _check_stored(file: Any) -> None:
+    """Refuse columns that claim more rows than are stored: reading them would fill the memory with nothing.
+
+    Raises:
+        ValueError: which column does.
+    """
+    for group in ("samples", "failures"):
+        for name, column in file[group].items():
+            claimed, stored = column.size * column.dtype.itemsize, column.id.get_storage_size()
+            if claimed > MOST_COMPRESSED * stored:
+                raise ValueError(f"{group}/{name} claims {in_bytes(claimed)} and stores {in_bytes(stored)}")
 
 
 def _read_ids(path: Path) -> tuple[Header, set[int], set[int]]:

@@ -14,12 +14,17 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from macrofit.base.errors import OutputError
+from macrofit.base.files import read_regular
 from macrofit.base.log import Log, frame, frames
 
 from ..errors import DatabaseError
 from .samples import SCHEMA, Header
 
-MAGIC = b"macrofit-surrogate journal 2\n"
+KIND = b"macrofit-surrogate journal"
+MAGIC = KIND + b" 2\n"
+MOST_BYTES = 20_000_000_000
+"""Size of a journal; one of a million samples has 10 GB."""
 
 
 class Sample(msgspec.Struct, frozen=True, array_like=True, tag="sample"):
@@ -73,9 +78,13 @@ def encode(entry: Sample | Failure) -> bytes:
 def read_journal(path: Path) -> tuple[Header, Content, int]:
     """Header, whole entries, and where the last of them ends [bytes]."""
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+        data = read_regular(path, MOST_BYTES)
+    except OutputError as error:
+        raise DatabaseError(str(error)) from None
+    if data.startswith(KIND) and not data.startswith(MAGIC):
+        raise DatabaseError(
+            f"{path}: is of another version of macrofit; move it away, and its samples are computed again"
+        )
     if not data.startswith(MAGIC):
         raise DatabaseError(f"{path}: is not the journal of a database of samples; move it away")
     rows, failures = [], {}

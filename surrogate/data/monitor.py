@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import IO, Protocol
 
-from macrofit.base.progress import Bar, duration, say, way_of_showing
+from macrofit.base.progress import Bar, duration, say, suited
 
 PERIOD_S = 20.0
 """Between two plain lines [s]."""
@@ -100,5 +100,5 @@ class Progress:
 
 def on_screen(*, quiet: bool) -> FarmMonitor:
     """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    ways: dict[str, Callable[[], FarmMonitor]] = {"bar": Progress, "lines": Lines, "nothing": Silent}
-    return ways[way_of_showing(quiet=quiet)]()
+    ways: tuple[Callable[[], FarmMonitor], ...] = (Progress, Lines, Silent)
+    return suited(*ways, quiet=quiet)

@@ -18,13 +18,16 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from macrofit.base.files import replacing
+from macrofit.base.errors import OutputError
+from macrofit.base.files import read_regular, replacing
 
 from ..errors import DatabaseError
 from .database import Database, read_database
 from .faces import generated_face
 from .samples import Header, Samples
 
+MOST_BYTES = 200_000_000
+"""Size of a table; one of a million samples has about as much."""
 SIGNATURE = "# macrofit-surrogate table "
 HEIGHTS = ("wheel", "axle", "wheel_envelope", "axle_envelope")
 """Fields of a sample that a table leaves out."""
@@ -65,9 +68,9 @@ def read_table(path: Path) -> Database:
         DatabaseError: there is no such file, or it is foreign, damaged or changed.
     """
     try:
-        first, _, body = path.read_bytes().partition(b"\n")
-    except OSError as error:
-        raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
+        first, _, body = read_regular(path, MOST_BYTES).partition(b"\n")
+    except OutputError as error:
+        raise DatabaseError(str(error)) from None
     if not first.startswith(SIGNATURE.encode()):
         raise DatabaseError(f"{path}: is no table of samples: its first line is not '{SIGNATURE.strip()} ...'")
     try:

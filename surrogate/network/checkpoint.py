@@ -18,7 +18,8 @@ import safetensors.torch
 import torch
 from torch import Tensor
 
-from macrofit.base.files import replacing
+from macrofit.base.errors import OutputError
+from macrofit.base.files import check_regular, replacing
 
 from ..data.samples import Plates
 from ..errors import CheckpointError
@@ -159,8 +160,8 @@ def _read(path: Path) -> tuple[dict[str, Tensor], str]:
     """All tensors, and the text of the entry."""
     foreign = f"{path}: is no checkpoint of macrofit-surrogate (safetensors; nothing else is ever loaded)"
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise CheckpointError(f"{foreign}: it is larger than {LARGEST_FILE // 1_000_000} MB")
+        if path.exists():
+            check_regular(path, LARGEST_FILE)
         with safetensors.safe_open(path, framework="pt") as file:
             text = (file.metadata() or {}).get(ENTRY)
             if text is None:
@@ -168,6 +169,8 @@ def _read(path: Path) -> tuple[dict[str, Tensor], str]:
             return {name: file.get_tensor(name) for name in file.keys()}, text  # noqa: SIM118  no mapping
     except FileNotFoundError:
         raise CheckpointError(f"{path}: there is no such file; macrofit-surrogate train makes one") from None
+    except OutputError as error:
+        raise CheckpointError(f"{foreign}: {error}") from None
     except (OSError, safetensors.SafetensorError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{foreign}, or a damaged one: {error}") from error
 

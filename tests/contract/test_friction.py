@@ -16,6 +16,7 @@ import pytest
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, FloatArray, TilePairs, Uniform, build, load, names
 from macrofit.friction.conformance import ConformanceError, check
+from macrofit.friction.field import FrictionField
 
 HERE = Path(__file__).resolve().parent
 PLUGIN = HERE.parent / "data" / "thirdparty_friction"
@@ -181,6 +182,50 @@ def test_lacking_members_are_named() -> None:
     listed.depends_on = ["tiles"]  # type: ignore[assignment]
     with pytest.raises(ConformanceError, match="depends_on is"):
         check(listed)
+
+
+class Counting(Provider):
+    """A provider that counts something."""
+
+    def __init__(self, counters: object) -> None:
+        super().__init__(lambda pairs: np.full(pairs.seat.size, 0.1))
+        self.stated = counters
+
+    @property
+    def counters(self) -> object:
+        return self.stated() if callable(self.stated) else self.stated
+
+
+@pytest.mark.parametrize(
+    ("counters", "told"),
+    [
+        ([1, 2], r"counters: TypeError: is \[1, 2\], not a dict"),
+        ("many", "counters: TypeError: is 'many', not a dict"),
+        ({"a": np.nan}, "counters: TypeError"),
+        ({"a": 1.5}, "counters: TypeError"),
+        ({"a": "3"}, "counters: TypeError"),
+        ({3: 3}, "the name 3 is no word"),
+        ({"two words": 3}, "the name 'two words' is no word"),
+        ({"calls": 3}, "the name 'calls' is no word or the solver's own"),
+        (raising, "counters: "),
+    ],
+)
+def test_counters_are_checked_when_the_provider_is_built(counters: object, told: str) -> None:
+    stated = (lambda: counters(None)) if callable(counters) else counters
+    for built in (check, FrictionField):
+        with pytest.raises(ProviderError, match=told) as caught:
+            built(Counting(stated))  # type: ignore[operator]
+        assert "\n" not in str(caught.value)
+    check(Counting({"clipped": np.int64(3), "tried": True}))
+
+
+def test_counters_that_go_bad_in_a_run_do_not_end_it() -> None:
+    provider = Counting({"clipped": 3})
+    field = FrictionField(provider)
+    assert field.counters == {"provider_clipped": 3}
+    provider.stated = {"clipped": np.nan}
+    with pytest.warns(UserWarning, match="left out of the summary"):
+        assert field.counters == {}
 
 
 # Options and the registry

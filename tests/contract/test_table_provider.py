@@ -104,7 +104,7 @@ def test_a_wrong_file_is_told_with_its_line(file: Path, text: str, told: str) ->
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ProviderError, match=r"friction.options.file: .*none\.csv cannot be read: No such file"):
+    with pytest.raises(ProviderError, match=r"friction.options.file: .*none\.csv: cannot be read: No such file"):
         load("table", {"file": str(tmp_path / "none.csv")})
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ProviderError, match=r"binary\.csv cannot be read: .*utf-8"):
@@ -176,3 +176,17 @@ def test_the_options_are_a_frozen_struct(file: Path) -> None:
     assert msgspec.to_builtins(options) == {"file": str(file)}
     values: FloatArray = options.build(CONTEXT).coefficients(asked([]))
     assert values.shape == (0,)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1e-3, "in m"), (1e3, "in µm")])
+def test_places_in_another_unit_are_refused(file: Path, scale: float, unit: str) -> None:
+    """The seat of 16 mm in metres would get the value of its far end everywhere, without a word."""
+    with pytest.raises(ProviderError, match=rf"z_mm reaches from 0 to .*, the seat to 11 mm; are they {unit}\?"):
+        made(file, f"z_mm,coefficient\n0,0.1\n{11 * scale},0.2\n")
+
+
+def test_places_that_leave_most_of_the_seat_are_warned_of(file: Path) -> None:
+    for text in ("z_mm,coefficient\n0,0.1\n7,0.2\n", "z_mm,coefficient\n10,0.1\n50,0.2\n"):
+        with pytest.warns(UserWarning, match="beyond, the values of the ends are kept"):
+            made(file, text)
+    made(file, "z_mm,coefficient\n0,0.1\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,8 +47,25 @@ def raises(answer: FloatArray) -> FloatArray:
     raise RuntimeError("the table is empty")
 
 
+class OwnError(Exception):
+    """It cannot be pickled: its words are no argument of its own."""
+
+    def __init__(self, code: int, words: str) -> None:
+        super().__init__(f"{words}, code {code}")
+
+
+def raises_what_cannot_be_sent(answer: FloatArray) -> FloatArray:
+    raise OwnError(7, "a plugin's own error")
+
+
+def exits(answer: FloatArray) -> FloatArray:
+    sys.exit(0)
+
+
 FAILURES: dict[str, tuple[Callable[[FloatArray], FloatArray], str]] = {
     "raises": (raises, "the table is empty"),
+    "raises what cannot be sent": (raises_what_cannot_be_sent, "a plugin's own error, code 7"),
+    "exits": (exits, "it asked the program to exit, with 0"),
     "nan": (lambda answer: answer * np.nan, "nan"),
     "shape": (lambda answer: answer[:-1], "shape"),
     "negative": (lambda answer: -answer, "-0."),

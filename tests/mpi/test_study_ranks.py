@@ -104,7 +104,8 @@ def test_a_failing_run_ends_the_study_on_two_ranks(scene_file, mpirun) -> None: 
 def test_identification_on_two_ranks(scene_file, mpirun) -> None:  # type: ignore[no-untyped-def]
     """The ranks share one solver: the same bits as one rank."""
     curve = scene_file.parent / "m.csv"
-    curve.write_text("".join(f"{s},{8e3 * (s - 10)}\n" for s in range(16, 41)))
+    rows = "".join(f"{s},{8e3 * (s - 10)}\n" for s in range(16, 41))
+    curve.write_text(f"displacement_mm,force_N\n{rows}")
     values = []
     for ranks in (1, 2):
         folder = scene_file.parent / f"identified{ranks}"

@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 from macrofit.base.errors import OutputError
-from macrofit.base.files import cache_folder, replacing, write_text
+from macrofit.base.files import (
+    alone_in,
+    cache_folder,
+    check_regular,
+    read_regular,
+    replacing,
+    write_text,
+)
 
 
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -56,3 +63,51 @@ def test_folder_of_caches(own: str | None, base: str | None, folder: str, monkey
         else:
             monkeypatch.setenv(name, value)
     assert cache_folder() == Path(folder)
+
+
+def test_a_folder_is_for_one_process_at_a_time(tmp_path: Path) -> None:
+    taken = pytest.raises(OutputError, match="run: another process is writing into it")
+    with alone_in(tmp_path / "run"), taken, alone_in(tmp_path / "run"):
+        pass
+    with alone_in(tmp_path / "run"):
+        pass
+
+
+def odd_files(folder: Path) -> dict[str, Path]:
+    """Names that no reader should wait for or fill the memory from, by what should be said of them."""
+    odd = {
+        what: folder / what.replace(" ", "-")
+        for what in ("is a pipe", "is a folder", "Too many levels", "is larger than 1 GB")
+    }
+    os.mkfifo(odd["is a pipe"])
+    odd["is a folder"].mkdir()
+    odd["Too many levels"].symlink_to(odd["Too many levels"])
+    with odd["is larger than 1 GB"].open("wb") as sparse:
+        sparse.truncate(10 * 10**9)
+    odd["is a device"] = Path("/dev/zero")
+    odd["No such file"] = folder / "none"
+    odd["File name too long"] = folder / ("x" * 300)
+    return odd
+
+
+def test_only_regular_files_of_bounded_size_are_read(tmp_path: Path) -> None:
+    for told, path in odd_files(tmp_path).items():
+        for opened in (check_regular, read_regular):
+            with pytest.raises(OutputError, match=told) as caught:
+                opened(path, 10**9)
+            assert "\n" not in str(caught.value)
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"12345")
+    assert read_regular(plain, 5) == b"12345"
+    assert check_regular(plain, 5) == 5
+    with pytest.raises(OutputError, match=r"is larger than 4 bytes, the most for a file of its kind \(5 bytes\)"):
+        read_regular(plain, 4)
+
+
+def test_a_file_of_no_stated_size_is_not_read_without_end(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Files of the system's memory state a size of 0 and go on for longer."""
+    plain = Path("/proc/self/status")
+    assert plain.stat().st_size == 0
+    assert read_regular(plain, 100_000)
+    with pytest.raises(OutputError, match=r"is larger than 10 bytes, the most for a file of its kind \(more\)"):
+        read_regular(plain, 10)

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from macrofit.base.toml import TomlError, dump_toml, join_key, parse_toml, set_key, split_override, unknown_key
+from macrofit.base.toml import (
+    TomlError,
+    dump_toml,
+    join_key,
+    last_part,
+    parse_toml,
+    read_toml,
+    set_key,
+    split_override,
+    unknown_key,
+)
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 """Any characters, those of control included; lone surrogates are not Unicode text."""
@@ -110,3 +121,37 @@ def test_the_nearest_key_is_named() -> None:
 def test_what_is_not_toml_names_its_source(text: str) -> None:
     with pytest.raises(TomlError, match=r"^scene\.toml: not valid TOML: "):
         parse_toml(text, "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "last"), [("motion.travel", "travel"), ('friction.options."a.b"', "a.b"), ("a b", "a b")]
+)
+def test_the_last_part_of_a_key(key: str, last: str) -> None:
+    assert last_part(key) == last
+
+
+@pytest.mark.parametrize("line", [b"a = 1\n", b"a = 1\r\n", b""])
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path, line: bytes) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + line)
+    assert read_toml(path) == ({"a": 1} if line else {})
+
+
+DEEP = {
+    "lists": f"a = {'[' * 100_000}", "closed lists": f"a = {'[' * 60}{']' * 60}", "tables": f"{'a.' * 3000}a = 1",
+    "headers": f"[{'a.' * 3000}a]\nb = 1", "inline": f"a = {'{a = ' * 60}1{'}' * 60}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DEEP)
+def test_what_is_nested_too_deeply_is_said(kind: str) -> None:
+    with pytest.raises(TomlError, match="nested too deeply, more than 50"):
+        parse_toml(DEEP[kind], "test")
+
+
+def test_numbers_of_any_length_are_one_line() -> None:
+    with pytest.raises(TomlError, match=r"not valid TOML: .*digits"):
+        parse_toml(f"a = {'1' * 100_000}", "test")
+    assert split_override(f"a={'1' * 100_000}") == (("a",), "1" * 100_000)
+    with pytest.raises(TomlError, match="nested too deeply"):
+        split_override(f"a={'[' * 60}{']' * 60}")

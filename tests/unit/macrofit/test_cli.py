@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from click.testing import CliRunner
@@ -230,3 +231,26 @@ def test_a_closed_pipe_ends_a_run_quietly(tmp_path):
         said = run.stderr.read()
         assert run.wait(timeout=60) == 1
     assert said == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.7, 1.1, 1.6, 2.2])
+def test_two_runs_into_one_folder(delay, tmp_path):
+    """One has the folder until its results are written; the other is refused, or comes after it."""
+    folder = tmp_path / "run"
+    words = [sys.executable, "-m", "macrofit", "run", "lame-rings", "--quiet", "-o", str(folder)]
+    words += ["--set", "friction.options.coefficient="]
+    runs = []
+    for coefficient in ("0.1", "0.2"):
+        runs.append(subprocess.Popen([*words[:-1], words[-1] + coefficient], stderr=subprocess.PIPE, text=True))
+        time.sleep(delay)
+    said = [run.communicate(timeout=60)[1] for run in runs]
+    codes = [run.returncode for run in runs]
+    assert set(codes) <= {0, 2}
+    assert 0 in codes
+    refused = ["another process is writing" in text or "not empty" in text for text in said]
+    assert refused == [code == 2 for code in codes]
+    last = "0.2" if codes[1] == 0 else "0.1"
+    assert f"coefficient = {last}" in (folder / "scene.toml").read_text()
+    names = {path.name for path in folder.iterdir()}
+    assert {"summary.json", "fitting_curve.csv", "interface.h5", "journal.bin"} <= names

@@ -16,7 +16,7 @@ from macrofit.cli import main
 from macrofit.errors import OutputError, ProviderError, SceneError
 from macrofit.friction import registry
 from macrofit.identify.fit import IdentificationError, fit_parameter, identify, neighbour_correlation
-from macrofit.identify.measured import Measured, read_measured
+from macrofit.identify.measured import Measured, Reading, read_measured
 from macrofit.results.folder import CurveFile
 from macrofit.scene import Scene, dump_scene, load_scene
 from macrofit.solve import solve
@@ -91,9 +91,26 @@ def test_a_fitting_curve_of_ours_is_read(tmp_path):
         ("1,2\n2,nan\n", "line 2: '2,nan' is not two finite numbers"),
         ("s,F\n1,2\n2,\n", "line 3: '2,' is not two finite numbers"),
         ("1,2\n2,x\n", "line 2"),
-        ("1,2\n1,3\n", "line 2: displacement 1 after 1; they must ascend"),
-        ("1,2\n3,3\n2,3\n", "line 3: displacement 2 after 3"),
-        ("1\n2\n", "line 1: has no two columns"),
+        ("1,2\n3,3\n2,3\n", "line 3: displacement 2 after 3 mm; they must ascend, for a curve of insertion alone"),
+        ("3,2\n2,3\n1,3\n", "they descend: turn their sign"),
+        ("1\n2\n", "line 1: '1' has no two columns of numbers"),
+        ("s,F\n1,x\n2,3\n", "line 2: '1,x' is not two finite numbers; if it is no row of the curve, write #"),
+        ("1,2\n2,3\nend of the record\n", "line 3: 'end of the record' is not two finite numbers"),
+        ("0,0\n0,5,12\n", "line 2: has 3 cells, those before it 2"),
+        ("1,1e999\n2,3\n", "line 1: '1,1e999' is not two finite numbers"),
+        ("1,1e300\n2,3\n", "holds numbers beyond 1e+15"),
+        ("x,F\n0,310,0,000\n1,647,5,250\n", "commas may be decimal signs and separators at once"),
+        ("0.1,0,1.0\n0.2,1,2.0\n", "has 3 columns; which is the displacement, and which the force? Write --columns"),
+        ("time [s],force [N]\n0,1\n1,2\n", "has 2 columns: time [s], force [N]; which is the displacement"),
+        ("x [mm],F1 [kN],F2 [kN]\n0,1,2\n1,2,3\n", "has 3 columns"),
+        ("0,0\n0,1\n100,2\n100,3\n50,4\n", "are they swapped? Write --columns 2,1"),
+        ("x [mm],F [ton]\n0,1\n1,2\n", "unit 'ton' in its header is not known: write tf (1000 kg) or kip"),
+        ("x [mm],F [mN]\n0,1\n1,2\n", "unit 'mN' in its header is not known: write MN or N"),
+        ("x [furlong],F [kN]\n0,1\n1,2\n", "unit 'furlong' in its header is not known; take one of mm, cm, m"),
+        ("x mm,load furlong\n0,1\n1,2\n", "unit 'furlong' in its header is not known; take one of N, daN"),
+        ("x mm,load psi\n0,1\n1,2\n", "unit 'psi' in its header is not known; take one of N, daN"),
+        ("PK\x03\x04", "is no text but a spreadsheet"),
+        ("1,2\x00\n", "is no text in UTF-8"),
     ],
 )
 def test_a_curve_that_cannot_be_used_is_said(tmp_path, text, message):
@@ -102,13 +119,123 @@ def test_a_curve_that_cannot_be_used_is_said(tmp_path, text, message):
     assert message in str(caught.value)
 
 
+X = np.array([0.0, 0.31, 1.647, 2.984, 40.5, 53.79])
+F = np.array([0.0, 0.0, 1234.5, 20000.0, 150000.0, 194466.0])
+
+
+def lines_of(x: np.ndarray, f: np.ndarray, separator: str = ";", decimal: str = ".", form: str = "{:.4f}") -> str:
+    """The rows of a curve."""
+    rows = [
+        separator.join(form.format(value).replace(".", decimal) for value in pair) for pair in zip(x, f, strict=True)
+    ]
+    return "".join(f"{row}\n" for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("MN", 1e6), ("kgf", 9.80665), ("kp", 9.80665), ("kg", 9.80665),
+        ("tf", 9806.65), ("t", 9806.65), ("tonnes-force", 9806.65), ("lbf", 4.4482216), ("lbs", 4.4482216),
+        ("kip", 4448.2216), ("kips", 4448.2216), ("KN", 1e3), ("kn", 1e3), ("Kilonewton", 1e3),
+        ("pounds-force", 4.4482216), ("DAN", 10.0),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    "head",
+    [
+        "stroke [mm];Force [{}]", "Weg mm;Kraft {}", "x_mm;F_{}", "x / mm;F / {}", "Weg, mm;F, {}",
+        "stroke;force\n[mm];[{}]", "stroke;force\nmm;{}", "mm;{}", "# x (mm);F ({})",
+    ],
+)  # fmt: skip
+def test_forces_in_any_unit(tmp_path: Path, head: str, name: str, factor: float) -> None:
+    found = read_measured(written(tmp_path, f"{head.format(name)}\n{lines_of(X, F / factor, form='{:.9g}')}"))
+    assert found.force == pytest.approx(F, rel=1e-6)
+    assert found.displacement == pytest.approx(X, rel=1e-6)
+    assert found.assumed == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("mm", 1.0), ("cm", 10.0), ("m", 1e3), ("in", 25.4), ("inch", 25.4), ("inches", 25.4), ("Millimetre", 1.0)],
+)
+def test_displacements_in_any_unit(tmp_path: Path, name: str, factor: float) -> None:
+    for head in ("x [{}];F [N]", "Stroke {};Load N", "x_{};F_N"):
+        found = read_measured(written(tmp_path, f"{head.format(name)}\n{lines_of(X / factor, F, form='{:.9g}')}"))
+        assert found.displacement == pytest.approx(X, rel=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    ("separator", "decimal"), [(";", ","), (";", "."), ("\t", ","), (",", "."), ("  ", ","), ("  ", "."), ("|", ",")]
+)
+def test_what_programs_write(tmp_path: Path, encoding: str, end: str, separator: str, decimal: str) -> None:
+    """Preamble, names with an umlaut, a row of units, any separator, decimal sign, encoding and end of line."""
+    head = ["Prüfprotokoll", f"Prüfer{separator}Müller", "Nr. 5, Einpressen", separator.join(("Weg", "Kräfte")),
+            separator.join(("[mm]", "[kN]"))]  # fmt: skip
+    text = "\n".join(head) + "\n" + lines_of(X, F / 1e3, separator, decimal)
+    path = tmp_path / "m.csv"
+    path.write_bytes(text.replace("\n", end).encode(encoding))
+    found = read_measured(path)
+    assert found.displacement == pytest.approx(X, abs=1e-9)
+    assert found.force == pytest.approx(F, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t [s];x [mm];F [kN]\n0;1,5;1,0\n1;2,5;2,0\n",
+        "Zeit;Kraft;Weg\ns;kN;mm\n0;1,0;1,5\n1;2,0;2,5\n",
+        "Kraft [kN];Weg [mm]\n1,0;1,5\n2,0;2,5\n",
+        "F [kN];x\n1,0;1,5\n2,0;2,5\n",
+        "date;x_mm;force_kN;temperature\n01.02.24 12:00;1,5;1,0;21\n01.02.24 12:01;2,5;2,0;21\n",
+        "time,travel,load\n0,1.5,1000\n1,2.5,2000\n",
+        'x [mm],F [N]\n1.5,"1,000.0"\n2.5,"2,000.0"\n',
+        "x [mm];F [N]\n1,5;1.000,0\n2,5;2.000,0\n",
+        "x [mm];F [N]\n1,5;1 000,0\n2,5;2 000,0\n",
+        "sep=;\nx [mm];F [kN];\n1.5;1.0;\n\n2.5;2.0;\n;;\n",
+        "x [mm]\tF [N]\n1.5D0\t1.0D+3\n2.5D0\t2.0D+3\n",
+    ],
+)
+def test_columns_are_known_by_their_units_and_names(tmp_path: Path, text: str) -> None:
+    found = read_measured(written(tmp_path, text))
+    assert found.displacement.tolist() == [1.5, 2.5]
+    assert found.force.tolist() == [1000.0, 2000.0]
+
+
+def test_columns_shift_from_and_to(tmp_path: Path) -> None:
+    path = written(tmp_path, "a;b;c\n0;0;10\n1;0;20\n2;1;30\n3;2;40\n4;3;50\n5;2;0\n")
+    for columns in (("2", "3"), ("b", "c")):
+        found = read_measured(path, Reading(columns=columns, start=1.0, end=3.0, shift=5.0))
+        assert found.displacement.tolist() == [6.0, 7.0, 8.0]
+        assert found.force.tolist() == [30.0, 40.0, 50.0]
+    assert (
+        'displacement column 2 "b" [mm, assumed], force column 3 "c" [N, assumed], 3 rows from 1 to 3 mm' in found.taken
+    )
+    assert found.assumed == ("mm", "N")
+    with pytest.raises(OutputError, match="no column '4'; take numbers from 1 to 3"):
+        read_measured(path, Reading(columns=("1", "4")))
+    with pytest.raises(OutputError, match="nothing lies between --from and --to; the displacements are 0 to 3 mm"):
+        read_measured(path, Reading(columns=("b", "c"), start=9.0))
+    with pytest.raises(
+        OutputError, match=r"line 7: displacement 2 after 3 mm; .* end the record before it with --to 3"
+    ):
+        read_measured(path, Reading(columns=("b", "c")))
+
+
+def test_a_record_sampled_in_time_is_averaged_where_it_rests(tmp_path: Path) -> None:
+    """Resting and jittering displacements, 0.02 mm of 50: the straight line F = 3 x that lies below comes out."""
+    rng = np.random.default_rng(1)
+    true = np.clip(np.linspace(-20.0, 70.0, 9000), 0.0, 50.0)
+    path = written(tmp_path, "x [mm],F [kN]\n" + lines_of(true + rng.normal(0.0, 0.02, 9000).round(3), 3.0 * true, ","))
+    found = read_measured(path)
+    assert (np.diff(found.displacement) > 0.0).all()
+    assert len(found.force) > 500
+    assert "averaged to" in found.taken
+    assert np.abs(found.force / 1e3 - 3.0 * found.displacement).max() < 3.0 * 0.08
+
+
 # the fit alone
-
-
-@pytest.mark.parametrize("head", ["travel_mm,force_lbf", "travel [mm],force [daN]", "travel (inch),force (kN)"])
-def test_a_unit_that_is_not_known_is_refused(tmp_path, head):
-    with pytest.raises(OutputError, match="in its header is not known"):
-        read_measured(written(tmp_path, head + "\n" + "".join(f"{k},{k}\n" for k in range(9))))
 
 
 def test_a_linear_model_is_solved_exactly():
@@ -229,6 +356,46 @@ def test_implausible_units_are_said(scene_file, scale, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("daN", 10.0), ("kgf", 9.80665), ("lbf", 4.448), ("tf", 9806.65)])
+def test_assumed_newtons_are_held_to_a_narrow_range(scene_file: Path, unit: str, factor: float) -> None:
+    """Without a word in the file, 0.148 in decanewtons would be 0.0148 in newtons."""
+    measured = curve(small_press(f"{COEFFICIENT}=0.11"), points=20)
+    wrong = Measured(measured.displacement, measured.force / factor, assumed=("mm", "N"))
+    with pytest.raises(OutputError, match=rf"is the column in .*\b{unit}\b.*; .*|is the column in .*{unit}"):
+        identify(scene_file, wrong)
+
+
+@pytest.mark.parametrize("late", [5.0, -3.0])
+def test_an_offset_of_the_displacements_is_proposed_and_found(scene_file: Path, late: float) -> None:
+    """The record's zero is elsewhere: said by the residual, and found with the coefficient."""
+    scene = small_press(f"{COEFFICIENT}=0.15")
+    solution = solve(scene, MPI.COMM_SELF)
+    at = np.linspace(16.0, 59.0, 150)
+    moved = Measured(at - late, np.interp(at, solution.displacement, solution.force))
+    plain = identify(scene_file, moved)
+    assert plain.fit.value != pytest.approx(0.15, rel=0.01)
+    assert plain.proposal is not None
+    assert plain.proposal.shift == pytest.approx(late, abs=0.1)  # dF/dp is a secant
+    assert plain.fit.value + plain.proposal.step == pytest.approx(0.15, rel=5e-3)
+    found = identify(scene_file, moved, free_shift=True)
+    assert found.fit.value == pytest.approx(0.15, rel=1e-4)
+    assert found.shift == pytest.approx(late, abs=2e-3)
+    assert found.proposal is None
+
+
+def test_the_error_beside_a_free_offset_covers_the_truth(scene_file: Path) -> None:
+    """1 % noise, 5 mm late: value and offset within four of their own errors, which are wider than one alone."""
+    for seed in range(3):
+        measured = curve(small_press(f"{COEFFICIENT}=0.15"), 0.01, seed)
+        moved = Measured(measured.displacement - 5.0, measured.force)
+        found = identify(scene_file, moved, free_shift=True)
+        assert found.shift_error is not None
+        assert abs(found.fit.value - 0.15) <= 4.0 * found.fit.standard_error
+        assert abs(found.shift - 5.0) <= 4.0 * found.shift_error
+        assert found.fit.standard_error > identify(scene_file, measured).fit.standard_error
+        assert identify(scene_file, measured).proposal is None
+
+
 def test_a_motion_that_turns_back_is_refused(scene_file):
     with pytest.raises(SceneError, match="must ascend"):
         identify(scene_file, curve(small_press(), points=20), ["motion={displacements=[15,40,20]}"])
@@ -262,7 +429,8 @@ def test_the_command_writes_its_files(scene_file):
 )
 def test_a_mistake_is_one_line_and_code_2(scene_file, arguments, message):
     measured = curve(small_press(), points=20)
-    np.savetxt("m.csv", np.column_stack([measured.displacement, measured.force]), delimiter=",")
+    head = "displacement_mm,force_N"
+    np.savetxt("m.csv", np.column_stack([measured.displacement, measured.force]), delimiter=",", header=head)
     shown = CliRunner(mix_stderr=False).invoke(main, ["identify", str(scene_file), "--curve", "m.csv", *arguments])
     assert shown.exit_code == 2, shown.stderr
     assert message in shown.stderr

@@ -373,7 +373,7 @@ def test_only_files_of_a_stated_size_are_read(tmp_path: Path) -> None:
     (tmp_path / "loop.msh").symlink_to(tmp_path / "loop.msh")
     with (tmp_path / "sparse.msh").open("wb") as file:
         file.truncate(10 * 2**30)
-    for name, message in (("pipe", "not a regular file"), ("loop", "mesh.axle"), ("sparse", "at most 512 are read")):
+    for name, message in (("pipe", "is a pipe, not a file"), ("loop", "mesh.axle"), ("sparse", "sparse.msh: ")):
         with pytest.raises(MeshError, match=message):
             read_mesh(str(tmp_path / f"{name}.msh"), "axle")
 

@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from macrofit.errors import SceneError
-from macrofit.scene import build_scene, dump_scene, json_schema, load_scene, scene_names
+from macrofit.scene import build_scene, dump_scene, idle_keys, json_schema, load_scene, scene_names
 
 
 def keys(table: dict[str, Any], prefix: str = "") -> list[str]:
@@ -196,3 +196,30 @@ def test_a_bound_is_said_in_one_line(override: str, told: str) -> None:
     with pytest.raises(SceneError) as caught:
         load_scene("wheelset", [override])
     assert str(caught.value) == told
+
+
+@pytest.mark.parametrize(
+    ("overrides", "idle"),
+    [
+        ("contact.penalty_stiffness=1e7", "contact.penalty_stiffness"),
+        ("contact.formulation=penalty contact.gamma0=10 contact.theta=1", "contact.gamma0 contact.theta"),
+        ("axle.taper_height=0", "axle.taper_blend"),
+        ("wheel.chamfer_height=0", "wheel.chamfer_blend"),
+        (
+            "wheel.web_thickness=0",
+            "wheel.web_blend wheel.rim_inner_radius wheel.rim_outer_radius wheel.rim_width",
+        ),
+        ("output.fields=[] output.frames=3", "output.frames"),
+        ("", ""),
+    ],
+)
+def test_a_key_that_does_nothing_is_said(overrides: str, idle: str) -> None:
+    lines = idle_keys(load_scene("wheelset", ["axle.lead_radius=90", *overrides.split()]))
+    assert [line.partition(" = ")[0] for line in lines] == idle.split()
+    assert all(re.search(r" = \S+ does nothing (without|under) \S+", line) for line in lines)
+
+
+@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize("preset", [None, "fast", "balanced", "accurate"])
+def test_every_key_of_a_shipped_scene_does_something(name: str, preset: str | None) -> None:
+    assert idle_keys(load_scene(name, preset=preset)) == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -269,19 +271,80 @@ def test_files_that_are_no_faces(tmp_path: Path) -> None:
     bad = np.zeros((9, 9))
     bad[3, 4] = np.nan
     cases = {"nan.npy": bad, "square.npy": np.zeros((9, 9)), "object.npy": np.array([{}, 1], dtype=object)}
+    cases |= {
+        "complex.npy": np.ones((65, 33), complex),
+        "text.npy": np.full((65, 33), "1"),
+        "far.npy": 1e4 * np.ones((65, 33)),
+    }
+    cases |= {"truth.npy": np.ones((65, 33), bool)}
     for name, table in cases.items():
         np.save(tmp_path / name, table)
-    (tmp_path / "text.csv").write_text("a,b\n")
+    claims = np.lib.format.header_data_from_array_1_0(np.zeros((10**8, 1))) | {"shape": (10**8, 33)}
+    with (tmp_path / "claims.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, claims)
+        file.write(bytes(80))
+    texts = {
+        "text": "a,b\n",
+        "ragged": "1,2\n1\n",
+        "mixed": "1,2\nx,1\n",
+        "bar": "# h [bar]\n1,2\n",
+        "late": "1,2\n1,2\nend\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "folder.npy").mkdir()
     expected = {
         "nan.npy": r"nan.npy: heights\[3, 4\] = nan",
         "square.npy": "2 mm long",
-        "object.npy": "no table of heights",
+        "object.npy": "it holds objects, which are not loaded",
         "text.csv": "no table of heights",
+        "complex.npy": "its numbers are complex128, not real ones",
+        "text.npy": "its numbers are <U1, not real ones",
+        "truth.npy": "its numbers are bool, not real ones",
+        "claims.npy": "its head states 100000000x33 of float64, and 80 bytes follow",
+        "far.npy": "holds heights beyond 1000 mm",
+        "ragged.csv": "line 2: has 1 heights, those before it 2",
+        "mixed.csv": "line 2: is no table of heights: 'x,1'",
+        "bar.csv": "unit 'bar' before its heights is not known",
+        "late.csv": "line 3: is no table of heights: 'end'",
+        "pipe.csv": "is a pipe, not a file",
+        "folder.npy": "is a folder, not a file",
         "absent.csv": "cannot be read",
     }
     for name, message in expected.items():
         with pytest.raises(PredictionError, match=message):
             read_face(tmp_path / name, "axle")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("µm", 1e3), ("m", 1e-3), ("um", 1e3), (None, 1.0)])
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), (" ", "."), ("\t", ",")])
+def test_heights_name_their_unit(tmp_path: Path, unit: str | None, factor: float, separator: str, decimal: str) -> None:
+    face = generated_face("wheel", 3, levels=4, max_height=0.02, hurst_exponent=0.7)
+    rows = [separator.join(f"{factor * value:.9g}".replace(".", decimal) for value in row) for row in face.tolist()]
+    head = [] if unit is None else ["# measured on 3 May", f"# heights [{unit}]"]
+    (tmp_path / "w.csv").write_text("\n".join([*head, *rows]), encoding="utf-8-sig")
+    assert np.allclose(read_face(tmp_path / "w.csv", "wheel"), face, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (1e-3, r"a\.npy: its rms height is 0\.00\d+ µm, those learned from .*; is it in m, or flat"),
+        (0.0, "; it is flat, or one plane"),
+        (1e3, "is it in µm"),
+        (0.05, "warning: the axle's face is smoother than any learned from"),
+    ],
+)
+def test_heights_in_another_unit_are_noticed(
+    networks: dict[str, Path], tmp_path: Path, factor: float, told: str
+) -> None:
+    """Smoother by far than anything learned from: 0.0715 +- 0.0002 without a word is no answer."""
+    face = generated_face("axle", 3, levels=4, max_height=0.02, hurst_exponent=0.7).astype(float)
+    np.save(tmp_path / "a.npy", face * factor + 1e-7 * np.arange(65)[:, None])
+    code, said = run("predict", "-n", networks["energy"], "--axle", tmp_path / "a.npy")
+    assert re.search(told, said), said
+    assert code == (0 if "warning" in told else 2)
 
 
 def run(*arguments: object) -> tuple[int, str]:
