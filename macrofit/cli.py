@@ -299,7 +299,6 @@ def providers() -> None:
 def check(scene: str, overrides: tuple[str, ...]) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
     from .base.progress import printable
-    from .bodies.mesh import read_mesh
     from .bodies.outlook import first_touch
     from .friction import registry
     from .results.summary import interference_line
@@ -309,18 +308,14 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     for line in idle_keys(resolved):
         complain(f"warning: {line}")
     registry.load(resolved.friction.provider, resolved.friction.options)
-    for body in ("axle", "wheel"):
-        file = getattr(resolved.mesh, body)
-        if file is not None:
-            read_mesh(file, body)
+    touch = first_touch(resolved)
     places = resolved.displacements
     if resolved.title:
         click.echo(f"Title           {printable(resolved.title)}")
     if resolved.interference is not None:
         click.echo(interference_line(resolved.interference))
     click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
-    touch = first_touch(resolved)
-    click.echo(f"First touch     {'not known, or none' if touch is None else f'at {touch:g} mm'}")
+    click.echo(f"First touch     {'none' if touch is None else f'at {touch:g} mm'}")
     click.echo(f"Friction        {resolved.friction.provider}")
 
 

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
 from .base.ranks import raise_together
+from .bodies.approach import check_approach
 from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
@@ -45,7 +46,7 @@ def solve(
             names it. With a journal it must state a `digest`, see `ScriptFriction`.
 
     Raises:
-        SceneError: the assembly is of other bodies or ranks.
+        SceneError: the assembly is of other bodies or ranks; the bodies never meet, or where they must not.
         MeshError: a body cannot be meshed, supported or held in memory.
         ProviderError: friction cannot be had, or is another than the journal's.
         ConvergenceError: no cutback helps. Every error is raised on all ranks together.
@@ -58,6 +59,7 @@ def solve(
     factored = 0 if assembly is None else assembly.factorisations
     assembly = assemble(scene, comm) if assembly is None else assembly.checked(scene, comm)
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
+    check_approach(scene, seat.line.side, wheel.line.side)
     field = friction_field(scene, comm, seat, wheel, script)
     press, engaged = Press(scene, seat, wheel.line, engine, field), engine.factorisations
     clock.append(time.process_time())

@@ -18,10 +18,12 @@ from ..base.arrays import FloatArray, IntArray
 from ..errors import MeshError
 from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
+from .approach import Side, beside_line
 from .elasticity import weak_form
 from .fenics import Discretisation, Factor, discretise, schur_complement
 from .geometry import Generatrix, Sizes, draw_body, polyline
 from .mesh import MeshData, mesh_drawing, read_mesh
+from .triangles import ordered_line
 
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
 
@@ -40,11 +42,18 @@ class ContactLine:
     cells: IntArray  # (f, b) trace nodes of the adjacent cell
     trace_nodes: int
     material: Material
+    beside: FloatArray  # (k, 2, 2) edges of a file's body where no contact is looked for, see `approach.Side` [mm]
 
     @property
     def facets(self) -> int:
         """Number of facets f."""
         return len(self.normals)
+
+    @property
+    def side(self) -> Side:
+        """The line before it deforms, for `approach.check_approach`."""
+        outward = np.sign(self.normals[:, 0 if self.radial else 1]).mean()
+        return Side(line=self.generatrix, beside=self.beside, outward=float(outward))
 
     @property
     def coordinate(self) -> FloatArray:
@@ -93,8 +102,7 @@ class Body:
         self.material = spec.material
         keys = scene.mesh
         if isinstance(spec, MeshFile):
-            data = read_mesh(str(getattr(keys, which)), which)
-            generatrix = None
+            data, generatrix = read_mesh(str(getattr(keys, which)), which, keys.unit), None
         else:
             drawing = draw_body(spec, contact, Sizes.of(keys, contact))
             facets = sum(edge.name == contact for edge in drawing.edges)
@@ -108,6 +116,8 @@ class Body:
             which,
             generatrix,
             self.material,
+            middles=data.middles.get(contact),
+            beside=beside_line(data, contact) if generatrix is None else np.zeros((0, 2, 2)),
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
@@ -226,7 +236,7 @@ class Body:
 def compile_form(order: int) -> None:
     """Compile the elastic form of an order, or find it compiled."""
     corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
-    discretise(MeshData(corner, np.array([[0, 1, 2]]), {}), order, weak_form, (1.0, 1.0))
+    discretise(MeshData(points=corner, triangles=np.array([[0, 1, 2]]), edges={}), order, weak_form, (1.0, 1.0))
 
 
 def _contact_line(
@@ -236,24 +246,19 @@ def _contact_line(
     generatrix: Generatrix | None,
     material: Material,
     *,
+    middles: FloatArray | None,
+    beside: FloatArray,
     radial: bool,
     with_cells: bool,
 ) -> tuple[ContactLine, IntArray]:
     """Order the facets by coordinate, and number the trace nodes."""
     axis = 1 if radial else 0
     cell, a, b = space.edges[contact].T
-    along = space.nodes[space.cells[cell, b], axis] - space.nodes[space.cells[cell, a], axis]
-    if (np.abs(along) < 1e-12).any():
-        raise MeshError(
-            f"mesh.{which}: a facet of '{contact}' is perpendicular to the contact line; "
-            f"'{contact}' must be a graph over {'z' if radial else 'r'}"
-        )
-    a, b = np.where(along > 0.0, a, b), np.where(along > 0.0, b, a)
-    order = np.argsort(space.nodes[space.cells[cell, a], axis], kind="stable")
-    cell, a, b = cell[order], a[order], b[order]
+    pairs = np.stack([space.cells[cell, a], space.cells[cell, b]], axis=1)
+    turn, order = ordered_line(space.nodes, pairs, f"mesh.{which}", contact, radial=radial)
+    a, b = np.where(turn, b, a)[order], np.where(turn, a, b)[order]
+    cell = cell[order]
     first, last = space.cells[cell, a], space.cells[cell, b]
-    if (first[1:] != last[:-1]).any():
-        raise MeshError(f"mesh.{which}: '{contact}' is not one connected line without branches")
     chain = np.append(first, last[-1])
     if space.order == 2:
         chain = np.insert(chain, np.arange(1, len(chain)), space.cells[cell, 3 + (3 - a - b)])
@@ -269,7 +274,8 @@ def _contact_line(
     normals[inward] *= -1.0
     if generatrix is None:
         ends = np.append(start, end[-1:], axis=0)
-        generatrix = polyline(np.stack([ends[:, axis], ends[:, 1 - axis]], axis=1))
+        along = [axis, 1 - axis]
+        generatrix = polyline(ends[:, along], None if middles is None else middles[order][:, along])
     line = ContactLine(
         order=space.order,
         radial=radial,
@@ -281,5 +287,6 @@ def _contact_line(
         cells=number[space.cells[cell]],
         trace_nodes=len(trace),
         material=material,
+        beside=beside,
     )
     return line, trace

@@ -8,17 +8,25 @@ r(z) where the gap is radial, z(r) where it is axial.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from ..errors import MeshError
 from ..scene.keys import Disc, Hub, MeshKeys, Shaft
+from ..scene.profile import bore_profile, seat_profile
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
+
+MOST_FACETS = 100_000
+"""Of a contact line: their dense matrices exceed any memory long before."""
+
+FLATTEST = 1e-7
+"""Height of an arc below which a piece of a file's contact line is straight, in its lengths."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +89,17 @@ class Generatrix:
 
         Beside an arc whose facets are shorter, the wanted length is h(s) = min(facet, corner + growth distance), and
         a piece has the nodes where the integral of ds / h passes the multiples of an n-th of its total.
+
+        Raises:
+            MeshError: there would be too many.
         """
         bends = self.bend != 0.0
+        least = np.where(bends, sizes.corner, sizes.facet)
+        if float((np.diff(self.breaks) / least).sum()) > MOST_FACETS:
+            raise MeshError(
+                f"a contact line of {self.breaks[-1] - self.breaks[0]:.4g} mm takes more than {MOST_FACETS} facets: "
+                f"lengthen mesh.seat_facet, mesh.bore_facet or mesh.corner_facet"
+            )
         starts, ends = self.breaks[:-1][bends], self.breaks[1:][bends]
         pieces = []
         for a, b, bend in zip(self.breaks[:-1], self.breaks[1:], bends, strict=True):
@@ -122,19 +139,42 @@ class Drawing:
     sizes: Sizes
 
 
-def polyline(points: FloatArray) -> Generatrix:
-    """The generatrix through points (s, h) in ascending s: what a mesh file gives."""
+def polyline(points: FloatArray, middles: FloatArray | None = None) -> Generatrix:
+    """The generatrix through points (s, h) in ascending s, and between them through ``middles``: what a file gives.
+
+    An arc passes through both ends and the middle (s, h) of a piece that is curved, a line otherwise.
+    """
     s, h = points.T
-    n = len(s) - 1
-    zero = np.zeros(n)
-    return Generatrix(
+    zero = np.zeros(len(s) - 1)
+    line = Generatrix(
         breaks=s.copy(),
         height0=h[:-1].copy(),
         slope0=np.diff(h) / np.diff(s),
         bend=zero,
         centre_s=zero,
         centre_h=zero,
-        radius=np.ones(n),
+        radius=np.ones(len(s) - 1),
+    )
+    return line if middles is None else _curved(line, points, middles)
+
+
+def _curved(line: Generatrix, points: FloatArray, middles: FloatArray) -> Generatrix:
+    """The generatrix with the circle through the ends and the middle of each piece that is not straight."""
+    a, b, m = points[:-1], points[1:], middles
+    chord = b - a
+    length = np.hypot(*chord.T)
+    cross = chord[:, 0] * (m - a)[:, 1] - chord[:, 1] * (m - a)[:, 0]
+    bends = np.abs(cross) > FLATTEST * length**2
+    doubled = np.where(bends, 2.0 * cross, 1.0)
+    square_b, square_m = (chord**2).sum(axis=1), ((m - a) ** 2).sum(axis=1)
+    centre_s = (square_m * -chord[:, 1] + square_b * (m - a)[:, 1]) / doubled
+    centre_h = (square_m * chord[:, 0] - square_b * (m - a)[:, 0]) / doubled
+    return replace(
+        line,
+        bend=np.where(bends, np.sign(cross), 0.0),
+        centre_s=np.where(bends, a[:, 0] + centre_s, 0.0),
+        centre_h=np.where(bends, a[:, 1] + centre_h, 0.0),
+        radius=np.where(bends, np.hypot(centre_s, centre_h), 1.0),
     )
 
 
@@ -183,12 +223,12 @@ def draw_body(body: object, contact: str, sizes: Sizes) -> Drawing:
 
 @draw_body.register
 def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
-    seat, length, taper = axle.seat_radius, axle.seat_length, axle.taper_length
-    mouth = seat - axle.taper_height
-    profile = [(-taper, mouth), (0.0, seat), (length, seat)] if taper > 0.0 else [(0.0, seat), (length, seat)]
+    length, taper = axle.seat_length, axle.taper_length
+    profile = seat_profile(axle)
+    mouth, end = profile[0][1], profile[-1][1]
     generatrix = blended(profile, [axle.taper_blend])
     lead = mouth if axle.lead_radius is None else axle.lead_radius
-    tail = seat if axle.tail_radius is None else axle.tail_radius
+    tail = end if axle.tail_radius is None else axle.tail_radius
     first, last, inner = -taper - axle.lead_length, length + axle.tail_length, axle.inner_radius
     corners: list[tuple[Point, str, float]] = [  # corner, name of the edge that ends there, fillet
         ((tail, length), "", axle.tail_blend),
@@ -200,21 +240,20 @@ def _(axle: Shaft, contact: str, sizes: Sizes) -> Drawing:
         ((mouth, -taper), "", 0.0),
     ]
     contact_edges = _contact_edges(generatrix, sizes, contact, radial=True)
-    return Drawing((*contact_edges, *_closing((seat, length), corners)), generatrix, contact, sizes)
+    return Drawing((*contact_edges, *_closing((end, length), corners)), generatrix, contact, sizes)
 
 
 @draw_body.register
 def _(wheel: Hub, contact: str, sizes: Sizes) -> Drawing:
-    bore, rear = wheel.bore_radius, -wheel.hub_length
-    mouth = (0.0, bore + wheel.chamfer_height)
-    corner = (-wheel.chamfer_length, bore)
-    profile = [(rear + wheel.rear_edge_blend, bore), corner, mouth]
-    if wheel.chamfer_length == 0.0:
-        profile = [profile[0], mouth]
-    generatrix = blended(profile, [wheel.chamfer_blend])
+    profile = bore_profile(wheel)
+    (rear, bore), mouth = profile[0], profile[-1]
     closing = [((bore, rear), "pushed", 0.0)]
     if wheel.rear_edge_blend > 0.0:
-        generatrix, closing = _round_rear_edge(generatrix, bore, rear, wheel.rear_edge_blend)
+        edge = _rear_edge(rear, bore, 0.5 * wheel.bore_taper, wheel.rear_edge_blend)
+        profile[0] = edge.tangent
+        generatrix, closing = edge.rounded(blended(profile, [wheel.chamfer_blend])), edge.closing()
+    else:
+        generatrix = blended(profile, [wheel.chamfer_blend])
     corners = [
         ((wheel.hub_outer_radius, 0.0), "", 0.0),
         *_web(wheel),
@@ -280,29 +319,35 @@ def _fillet(before: Point, corner: Point, after: Point, radius: float) -> list[P
     return [tuple((centre + radius * (math.sin(t) * d1 - math.cos(t) * normal)).tolist()) for t in steps]
 
 
-def _round_rear_edge(
-    generatrix: Generatrix, bore: float, rear: float, radius: float
-) -> tuple[Generatrix, list[tuple[Point, str, float]]]:
-    """Round the bore's rear edge; the arc up to 45 degrees belongs to the contact line, the rest does not."""
-    half = radius * math.sqrt(0.5)
-    first = rear + radius - half
-    arc = (first, bore + radius - half, -1.0, -1.0, rear + radius, bore + radius, radius)
-    rows = np.array(
-        [
-            generatrix.breaks[:-1],
-            generatrix.height0,
-            generatrix.slope0,
-            generatrix.bend,
-            generatrix.centre_s,
-            generatrix.centre_h,
-            generatrix.radius,
-        ]
-    ).T
-    rounded = _assemble([arc, *(tuple(row) for row in rows)], float(generatrix.breaks[-1]))
-    angles = np.radians([90.0, 75.0, 60.0, 45.0])
-    rest = [(bore + radius - radius * math.cos(t), rear + radius - radius * math.sin(t)) for t in angles]
-    closing = [(rest[0], "pushed", 0.0)] + [(point, "", 0.0) for point in rest[1:]]
-    return rounded, closing
+@dataclass(frozen=True)
+class _RearEdge:
+    """An arc between the rear face and the bore: up to 45 degrees it belongs to the contact line, the rest does not."""
+
+    radius: float
+    centre: Point  # (z, r) [mm]
+    tangent: Point  # (z, r) where it touches the bore [mm]
+
+    def rounded(self, generatrix: Generatrix) -> Generatrix:
+        """The contact line from its tangent point on, with the arc before it."""
+        half = self.radius * math.sqrt(0.5)
+        arc = (self.centre[0] - half, self.centre[1] - half, -1.0, -1.0, *self.centre, self.radius)
+        columns = ("height0", "slope0", "bend", "centre_s", "centre_h", "radius")
+        rows = np.array([generatrix.breaks[:-1], *(getattr(generatrix, name) for name in columns)]).T
+        return _assemble([arc, *(tuple(row) for row in rows)], float(generatrix.breaks[-1]))
+
+    def closing(self) -> list[tuple[Point, str, float]]:
+        """The rest of the arc, from the rear face to the contact line."""
+        angles = np.radians([90.0, 75.0, 60.0, 45.0])
+        (z, r), radius = self.centre, self.radius
+        rest = [(r - radius * math.cos(t), z - radius * math.sin(t)) for t in angles]
+        return [(rest[0], "pushed", 0.0)] + [(point, "", 0.0) for point in rest[1:]]
+
+
+def _rear_edge(rear: float, bore: float, slope: float, radius: float) -> _RearEdge:
+    """The arc that touches the rear face z = rear and the bore r = bore + slope (z - rear) from above."""
+    steep = math.hypot(1.0, slope)
+    centre = (rear + radius, bore + radius * (slope + steep))
+    return _RearEdge(radius, centre, (centre[0] + radius * slope / steep, centre[1] - radius / steep))
 
 
 def _web(wheel: Hub) -> list[tuple[Point, str, float]]:

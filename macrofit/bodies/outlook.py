@@ -7,31 +7,21 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..errors import MacrofitError
 from ..scene import MeshFile, Scene
+from .approach import check_approach, first_overlap, sides_of
 from .geometry import Sizes, draw_body
 from .mesh import read_mesh
 
 
 def first_touch(scene: Scene) -> float | None:
-    """The first planned displacement [mm] at which the drawn, undeformed bodies overlap.
+    """The first planned displacement [mm] at which the undeformed bodies overlap; None where they never do.
 
-    None where they never do, or where a body comes from a file.
+    Raises:
+        MeshError: a file cannot be read.
+        SceneError: the bodies cannot be pressed together, see `check_approach`.
     """
-    if isinstance(scene.axle, MeshFile) or isinstance(scene.wheel, MeshFile):
-        return None
-    seat = draw_body(scene.axle, "seat", Sizes.of(scene.mesh, "seat")).generatrix
-    bore = draw_body(scene.wheel, "bore", Sizes.of(scene.mesh, "bore")).generatrix
-    ends = (seat.breaks[[0, -1]], bore.breaks[[0, -1]])
-    radial = scene.direction == "radial"
-    for displacement in scene.displacements:
-        shift, advance = (displacement, 0.0) if radial else (0.0, displacement)
-        first, last = max(ends[0][0], ends[1][0] + shift), min(ends[0][1], ends[1][1] + shift)
-        if first > last:
-            continue
-        s = np.linspace(first, last, max(2, round((last - first) / 0.1) + 1))
-        gap = bore.height(s - shift) - seat.height(s) if radial else seat.height(s) - bore.height(s) - advance
-        if gap.min() < 0.0:
-            return displacement
-    return None
+    seat, bore = sides_of(scene)
+    check_approach(scene, seat, bore)
+    return first_overlap(seat, bore, scene.displacements, radial=scene.direction == "radial")
 
 
 def seat_ends(scene: Scene) -> FloatArray | None:
@@ -41,7 +31,7 @@ def seat_ends(scene: Scene) -> FloatArray | None:
     if scene.mesh.axle is None:
         return None
     try:
-        mesh = read_mesh(scene.mesh.axle, "axle")
+        mesh = read_mesh(scene.mesh.axle, "axle", scene.mesh.unit)
     except MacrofitError:
         return None
     column = 1 if scene.direction == "radial" else 0

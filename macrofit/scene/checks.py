@@ -6,6 +6,10 @@ import math
 
 from ..errors import SceneError
 from .keys import Disc, Hub, MeshFile, Scene, Shaft
+from .profile import bore_profile, overlap, sampled, seat_profile
+
+SMALL_STRAIN = 0.02
+"""Largest interference that the linear theory is asked for, in radii of the seat."""
 
 
 def _need(condition: bool, message: str) -> None:
@@ -60,15 +64,16 @@ def _check_shaft(axle: Shaft) -> None:
         axle.lead_radius is None or axle.lead_radius <= start,
         f"axle.lead_radius: {axle.lead_radius} must not exceed the radius where the taper starts, {start}",
     )
-    reach = _blend_reach(axle.taper_blend, axle.taper_length, axle.taper_height)
+    reach = _blend_reach(axle.taper_blend, axle.taper_length, axle.taper_height, axle.taper)
     _need(
         reach <= min(axle.taper_length, axle.seat_length) + 1e-12,
         f"axle.taper_blend: an arc of radius {axle.taper_blend} reaches {reach:.3g} mm along taper and seat, "
         f"more than there is; try a smaller radius",
     )
-    tail = axle.seat_radius if axle.tail_radius is None else axle.tail_radius
+    end = axle.seat_radius + 0.5 * axle.taper * axle.seat_length
+    tail = end if axle.tail_radius is None else axle.tail_radius
     _need(
-        axle.tail_blend <= min(abs(axle.seat_radius - tail), axle.tail_length) + 1e-12,
+        axle.tail_blend <= min(abs(end - tail), axle.tail_length) + 1e-12,
         f"axle.tail_blend: {axle.tail_blend} does not fit the shoulder or the tail",
     )
 
@@ -83,7 +88,8 @@ def _check_hub(wheel: Hub) -> None:
         wheel.chamfer_length > 0.0 or wheel.chamfer_height == 0.0,
         "wheel.chamfer_length: must be positive where chamfer_height is given",
     )
-    reach = _blend_reach(wheel.chamfer_blend, wheel.chamfer_length, wheel.chamfer_height)
+    mouth = wheel.chamfer_height + 0.5 * wheel.bore_taper * wheel.chamfer_length  # above the corner of the chamfer
+    reach = _blend_reach(wheel.chamfer_blend, wheel.chamfer_length, mouth, wheel.bore_taper)
     _need(
         reach <= wheel.chamfer_length + 1e-12,
         f"wheel.chamfer_blend: an arc of radius {wheel.chamfer_blend} reaches {reach:.3g} mm along the chamfer, "
@@ -93,6 +99,8 @@ def _check_hub(wheel: Hub) -> None:
         wheel.chamfer_length + reach + wheel.rear_edge_blend < wheel.hub_length,
         f"wheel.hub_length: {wheel.hub_length} leaves no bore between chamfer and rear edge",
     )
+    rear = wheel.bore_radius - 0.5 * wheel.bore_taper * wheel.hub_length
+    _need(rear > 0.0, f"wheel.bore_taper: {wheel.bore_taper} closes the bore before its rear face")
     if wheel.web_thickness > 0.0:
         _check_web(wheel)
 
@@ -144,13 +152,7 @@ def _check_pair(scene: Scene) -> None:
         )
     if not (isinstance(axle, Shaft) and isinstance(wheel, Hub)):
         return
-    interference = axle.seat_radius - wheel.bore_radius
-    _need(
-        interference <= 0.02 * axle.seat_radius,
-        f"wheel.bore_radius: {wheel.bore_radius} under a seat_radius of {axle.seat_radius} is an interference of "
-        f"{interference:.4g} mm, beyond small strain (at most {0.02 * axle.seat_radius:.3g} mm); "
-        f"check whether a diameter was meant",
-    )
+    _check_interference(scene, axle, wheel)
     start = axle.seat_radius - axle.taper_height
     mouth = wheel.bore_radius + wheel.chamfer_height
     resting = scene.displacements[0] > 0.0
@@ -159,12 +161,44 @@ def _check_pair(scene: Scene) -> None:
         f"wheel.chamfer_height: the bore's mouth, {mouth}, is narrower than the axle where it enters, {start}; "
         f"give a taper or a chamfer, or motion.start > 0 for a shrink fit",
     )
-    tail = axle.seat_radius if axle.tail_radius is None else axle.tail_radius
+    _check_beside(scene, axle, wheel)
+
+
+def _check_interference(scene: Scene, axle: Shaft, wheel: Hub) -> None:
+    """The deepest overlap of the profiles over the motion stays within small strain."""
+    seat, bore = seat_profile(axle), bore_profile(wheel)
+    interference, limit = axle.seat_radius - wheel.bore_radius, SMALL_STRAIN * axle.seat_radius
+    if axle.taper == 0.0 and interference <= limit:
+        return  # a cylinder is nowhere deeper in a bore that is nowhere narrower
+    depth = max(overlap(seat, bore, displacement) for displacement in sampled(scene.displacements))
+    _need(
+        depth <= limit,
+        f"wheel.bore_radius: {wheel.bore_radius} under a seat_radius of {axle.seat_radius} is an interference of "
+        f"{depth:.4g} mm, beyond small strain (at most {limit:.3g} mm); "
+        f"check whether a diameter was meant",
+    )
+
+
+def _check_beside(scene: Scene, axle: Shaft, wheel: Hub) -> None:
+    """Lead and tail, where no contact is looked for, stay clear of the bore."""
+    end = axle.seat_radius + 0.5 * axle.taper * axle.seat_length
+    tail = end if axle.tail_radius is None else axle.tail_radius
     far = max(scene.displacements)
     _need(
-        tail <= wheel.bore_radius or far <= axle.seat_length,
+        tail <= bore_profile(wheel)[0][1] or far <= axle.seat_length,
         f"motion.travel: {far} runs the wheel past the end of the seat, {axle.seat_length}, onto a tail wider than the "
         f"bore, where no contact is looked for; lengthen axle.seat_length",
+    )
+    lead = axle.seat_radius - axle.taper_height if axle.lead_radius is None else axle.lead_radius
+    if axle.lead_length == 0.0 or lead <= bore_profile(wheel)[0][1]:
+        return
+    cylinder = [(-axle.taper_length - axle.lead_length, lead), (-axle.taper_length, lead)]
+    at = min(scene.displacements)
+    depth = max(overlap(cylinder, bore_profile(wheel), displacement) for displacement in sampled(scene.displacements))
+    _need(
+        depth <= 1e-9,
+        f"axle.lead_radius: {lead} is wider than the bore, {wheel.bore_radius}, that is over it at a displacement of "
+        f"{at} mm, where no contact is looked for; give a smaller lead_radius, or a higher taper_height",
     )
 
 
@@ -190,6 +224,8 @@ def _check_motion(scene: Scene) -> None:
         )
 
 
-def _blend_reach(radius: float, length: float, height: float) -> float:
-    """Tangent length of an arc blending a slope of height/length into a cylinder: R tan(alpha / 2)."""
-    return radius * math.tan(0.5 * math.atan2(height, length)) if length > 0.0 else 0.0
+def _blend_reach(radius: float, length: float, height: float, taper: float) -> float:
+    """Tangent length of an arc blending a slope of height/length into a cylinder or cone: R tan(alpha / 2)."""
+    if length == 0.0:
+        return 0.0
+    return radius * math.tan(0.5 * abs(math.atan2(height, length) - math.atan(0.5 * taper)))

@@ -7,6 +7,8 @@ from .keys import Hub, Scene, Shaft
 WEB = ("web_offset", "web_blend", "rim_inner_radius", "rim_outer_radius", "rim_width")
 """Keys of web and rim, which a plain ring has not."""
 
+FILES = "where no body comes from a file"
+
 
 def idle_keys(scene: Scene) -> list[str]:
     """A line for each key that has another value than its default and changes nothing: which, and why."""
@@ -20,14 +22,16 @@ def _of_contact(scene: Scene) -> list[str]:
     else:
         unused = [("gamma0", keys.gamma0), ("theta", keys.theta or None)]
     why = f"under contact.formulation = '{keys.formulation}'"
-    return [_idle(f"contact.{name}", value, why) for name, value in unused if value is not None]
+    drawn = scene.mesh.axle is None and scene.mesh.wheel is None
+    lenient = [_idle("contact.allow_no_contact", True, FILES)] if keys.allow_no_contact and drawn else []
+    return lenient + [_idle(f"contact.{name}", value, why) for name, value in unused if value is not None]
 
 
 def _of_axle(scene: Scene) -> list[str]:
     axle = scene.axle
     if not isinstance(axle, Shaft):
         return []
-    idle = axle.taper_blend and not axle.taper_height
+    idle = axle.taper_blend and not (axle.taper_height or axle.taper)
     return [_idle("axle.taper_blend", axle.taper_blend, "without axle.taper_height")] if idle else []
 
 
@@ -36,7 +40,7 @@ def _of_wheel(scene: Scene) -> list[str]:
     if not isinstance(wheel, Hub):
         return []
     lines = []
-    if wheel.chamfer_blend and not wheel.chamfer_height:
+    if wheel.chamfer_blend and not (wheel.chamfer_height or wheel.bore_taper):
         lines.append(_idle("wheel.chamfer_blend", wheel.chamfer_blend, "without wheel.chamfer_height"))
     if not wheel.web_thickness:
         given = [(key, getattr(wheel, key)) for key in WEB if getattr(wheel, key)]
@@ -46,6 +50,8 @@ def _of_wheel(scene: Scene) -> list[str]:
 
 def _of_mesh(scene: Scene) -> list[str]:
     mesh = scene.mesh
+    if mesh.axle is None and mesh.wheel is None and mesh.unit is not None:
+        return [_idle("mesh.unit", mesh.unit, FILES)]
     if mesh.axle is not None and mesh.wheel is not None:
         default, why = type(mesh)(), "where both bodies come from files, which have their own elements"
         sizes = ("seat_facet", "bore_facet", "corner_facet", "coarse", "growth")

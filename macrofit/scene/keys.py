@@ -19,8 +19,13 @@ Metal: TypeAlias = Annotated[Material, told("Elastic constants of the body.")]
 class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
     """An axle: lead, taper, seat and tail along z; the seat's entrance (end of the taper) is z = 0."""
 
-    seat_radius: Annotated[Positive, told("Radius of the seat [mm].")]
+    seat_radius: Annotated[Positive, told("Radius of the seat, at its entrance [mm].")]
     seat_length: Annotated[Positive, told("Length of the seat [mm].")]
+    taper: Annotated[
+        NotNegative,
+        msgspec.Meta(le=1.0),
+        told("Cone of the seat, growth of its diameter per length from its entrance on [mm/mm]; 0: a cylinder."),
+    ] = 0.0
     taper_length: Annotated[
         NotNegative, told("Length of the taper before the seat, from seat_radius - taper_height to seat_radius [mm].")
     ] = 0.0
@@ -44,9 +49,14 @@ class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
 class Hub(Keys, frozen=True, tag="wheel", tag_field="shape"):
     """A wheel or, with web_thickness = 0, a plain ring; z is measured from its leading face, backwards."""
 
-    bore_radius: Annotated[Positive, told("Radius of the bore [mm].")]
+    bore_radius: Annotated[Positive, told("Radius of the bore, at the leading face [mm].")]
     hub_length: Annotated[Positive, told("Length of the hub [mm].")]
     hub_outer_radius: Annotated[Positive, told("Outer radius of the hub [mm].")]
+    bore_taper: Annotated[
+        NotNegative,
+        msgspec.Meta(le=1.0),
+        told("Cone of the bore, loss of its diameter per length from the leading face on [mm/mm]; 0: a cylinder."),
+    ] = 0.0
     chamfer_length: Annotated[
         NotNegative,
         told("Length of the chamfer at the leading edge, from bore_radius + chamfer_height to bore_radius [mm]."),
@@ -107,6 +117,10 @@ class MeshKeys(Keys, frozen=True):
     ] = 0.35
     axle: Annotated[str | None, told("Mesh file of the axle, looked for beside the scene.")] = None
     wheel: Annotated[str | None, told("Mesh file of the wheel, looked for beside the scene.")] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        told("Unit of length of the mesh files; left out: mm, and a body below 1 mm is taken for a mistake."),
+    ] = None
 
 
 class ContactKeys(Keys, frozen=True):
@@ -126,6 +140,10 @@ class ContactKeys(Keys, frozen=True):
     direction: Annotated[
         Literal["radial", "axial"] | None, told("Direction of the gap; left out: by the shapes of the bodies.")
     ] = None
+    allow_no_contact: Annotated[
+        bool,
+        told("Whether bodies from files may never meet, or overlap where no contact is looked for; otherwise refused."),
+    ] = False
 
 
 class Motion(Keys, frozen=True):
@@ -204,7 +222,11 @@ class Scene(Keys, frozen=True):
 
     @property
     def interference(self) -> float | None:
-        """Radial interference of the drawn radii [mm]; None where no two radii are drawn."""
-        if isinstance(self.axle, Shaft) and isinstance(self.wheel, Hub):
-            return self.axle.seat_radius - self.wheel.bore_radius
-        return None
+        """Radial interference of the drawn radii, of equal cones at the end of the motion [mm]; otherwise None."""
+        if (
+            not (isinstance(self.axle, Shaft) and isinstance(self.wheel, Hub))
+            or self.axle.taper != self.wheel.bore_taper
+        ):
+            return None
+        cone = 0.5 * self.axle.taper * self.displacements[-1] if self.axle.taper > 0.0 else 0.0
+        return self.axle.seat_radius - self.wheel.bore_radius + cone

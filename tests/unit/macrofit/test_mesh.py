@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from itertools import pairwise
 from pathlib import Path
 
 import meshio
@@ -11,13 +13,20 @@ from small import small_press
 
 from macrofit.base.arrays import FloatArray
 from macrofit.bodies.body import Body
-from macrofit.bodies.geometry import Sizes, draw_body
+from macrofit.bodies.geometry import Drawing, Sizes, draw_body
 from macrofit.bodies.mesh import MeshData, mesh_drawing, read_mesh
+from macrofit.bodies.outlook import first_touch
 from macrofit.errors import MeshError, SceneError
-from macrofit.scene import build_scene, load_scene
+from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.solve import solve
 
 MESHES = Path(__file__).parents[3] / "meshes"
+
+RING = np.array([(r, z) for z in (-30.0, -20.0, -10.0, 0.0) for r in (50.0, 60.0, 70.0)])
+QUADS = np.array([[3 * j + i, 3 * j + i + 1, 3 * j + i + 4, 3 * j + i + 3] for j in range(3) for i in range(2)])
+HALVES = QUADS[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+OTHER = QUADS[:, [[0, 1, 3], [1, 2, 3]]].reshape(-1, 3)
+SIDES = {"bore": [0, 3, 6, 9], "pushed": [0, 1, 2]}
 
 
 def triangles(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -228,3 +237,194 @@ def test_turned_contact_line(tmp_path: Path) -> None:
                 tmp_path,
             )
         )
+
+
+def test_an_axisymmetric_deck_gives_the_drawn_forces(tmp_path: Path) -> None:
+    """CAX3, node sets in capitals: the forces of the same mesh through gmsh's format, 1e-9."""
+    for body in ("axle", "wheel"):
+        data = read_mesh(str(MESHES / f"{body}.msh"), body)
+        lines = ["*NODE", *(f"{k}, {r!r}, {z!r}" for k, (r, z) in enumerate(data.points.tolist(), 1))]
+        lines.append("*ELEMENT, TYPE=CAX3")
+        lines += [f"{k}, {a}, {b}, {c}" for k, (a, b, c) in enumerate((data.triangles + 1).tolist(), 1)]
+        for name, pairs in data.edges.items():
+            lines += [f"*NSET, NSET={name.upper()}", *(str(k + 1) for k in np.unique(pairs))]
+        (tmp_path / f"{body}.inp").write_text("\n".join(lines))
+    assert from_files(tmp_path, ".inp") == pytest.approx(from_files(MESHES, ".msh"), rel=1e-9)
+
+
+def test_a_mesh_of_second_order_keeps_its_curves(tmp_path: Path) -> None:
+    """With middle nodes on the arcs the blended bodies give the drawn forces, where chords are off by some 1e-3.
+
+    An arc through three points of an arc is that arc, to the 16 digits of the file: 1e-7.
+    """
+    scene = small_press()
+    drawings = draw_body(scene.axle, "seat", even(5.0)), draw_body(scene.wheel, "bore", even(4.7))
+    for body, drawing in zip(("axle", "wheel"), drawings, strict=True):
+        data = mesh_drawing(drawing, scene.mesh.coarse, scene.mesh.growth)
+        for suffix, curved in (("2", True), ("1", False)):
+            write_second_order(tmp_path / f"{body}{suffix}.vtk", data, drawing, curved=curved)
+    drawn = solve(scene).force
+    assert from_files(tmp_path, "2.vtk") == pytest.approx(drawn, rel=1e-7)
+    assert np.abs(from_files(tmp_path, "1.vtk") - drawn).max() > 1e-5 * drawn.max()
+
+
+def write_second_order(path: Path, data: MeshData, drawing: Drawing, *, curved: bool) -> None:
+    """The mesh with a node in the middle of every edge, on the generatrix where the edge is of the contact line."""
+    pairs = np.concatenate([data.triangles[:, pair] for pair in ((0, 1), (1, 2), (2, 0))])
+    ends, number = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    middle = data.points[ends].mean(axis=1)
+    contact = {tuple(sorted(pair)) for pair in data.edges[drawing.contact].tolist()}
+    line = np.array([tuple(pair) in contact for pair in ends.tolist()])
+    if curved:
+        middle[line, 0] = drawing.generatrix.height(middle[line, 1])
+    cells = np.column_stack([data.triangles, number.reshape(3, -1).T + len(data.points)])
+    names = sorted(data.edges)
+    lines = np.concatenate([data.edges[name] for name in names])
+    tags = np.repeat(np.arange(len(names)), [len(data.edges[name]) for name in names])
+    points = np.pad(np.concatenate([data.points, middle]), ((0, 0), (0, 1)))
+    nothing = np.zeros(len(cells), dtype=int)
+    cell_data = {name: [nothing, (tags == k).astype(int)] for k, name in enumerate(names)}
+    meshio.Mesh(points, [("triangle6", cells), ("line", lines)], cell_data=cell_data).write(path)
+
+
+def ring(cells: list[tuple[str, np.ndarray]], lines: dict[str, list[int]], points: np.ndarray = RING) -> meshio.Mesh:
+    """A mesh of the ring's points with chains of lines as physical groups."""
+    pairs = {name: np.array(list(pairwise(chain))) for name, chain in lines.items()}
+    tags = [np.full(len(block), 9) for _, block in cells] + [
+        np.full(len(p), k) for k, p in enumerate(pairs.values(), 1)
+    ]
+    return meshio.Mesh(
+        np.pad(points, ((0, 0), (0, 1))),
+        [*cells, *(("line", p) for p in pairs.values())],
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={name: np.array([k, 1]) for k, name in enumerate(pairs, 1)},
+    )
+
+
+def saved(folder: Path, mesh: meshio.Mesh, kind: str = "gmsh22") -> str:
+    """The path of the mesh as a file of gmsh."""
+    path = folder / "ring.msh"
+    mesh.write(path, file_format=kind, binary=False)
+    return str(path)
+
+
+def test_quadrilaterals_are_split_along_their_better_diagonal(tmp_path: Path) -> None:
+    """All of the area is there, beside triangles, and no angle is smaller than it must be."""
+    data = read_mesh(saved(tmp_path, ring([("quad", QUADS[:4]), ("triangle", HALVES[8:])], SIDES)), "wheel")
+    assert area(data) == pytest.approx(600.0)
+    slanted = RING + np.array([0.0, 1.0]) * 0.8 * (RING[:, :1] - 50.0)
+    data = read_mesh(saved(tmp_path, ring([("quad", QUADS)], SIDES, slanted)), "wheel")
+    corners = data.points[data.triangles]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert sides.max() < 12.9  # the shorter diagonal of every one
+
+
+def test_elements_given_twice_are_taken_once(tmp_path: Path) -> None:
+    """As gmsh 2.2 has them where a surface is in two groups; lines too."""
+    mesh = ring([("triangle", np.concatenate([HALVES, HALVES[:, [1, 2, 0]]])), ("quad", QUADS[:1])], SIDES)
+    with pytest.raises(MeshError, match="more than two elements share the edge"):
+        read_mesh(saved(tmp_path, ring([("triangle", HALVES), ("triangle", OTHER)], SIDES)), "wheel")
+    assert len(read_mesh(saved(tmp_path, mesh), "wheel").triangles) == len(HALVES)
+
+
+def test_parts_that_hang_in_the_air_are_named(tmp_path: Path) -> None:
+    """The outer half with nodes of its own is not joined, though they lie upon the inner one's."""
+    twice = np.concatenate([RING, RING])
+    outer = RING[QUADS].mean(axis=1)[:, 0] > 60.0
+    cells = np.where(outer[:, None], QUADS + len(RING), QUADS)
+    with pytest.raises(
+        MeshError, match=r"2 parts are not joined: .*r = 60 to 70.*lie upon each other at \(r, z\) = \(60"
+    ):
+        read_mesh(saved(tmp_path, ring([("quad", cells)], SIDES | {"pushed": [0, 1]}, twice)), "wheel")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ({"Bore": [0, 3, 6, 9], "PUSHED": [0, 1, 2]}, None),
+        ({"boer": [0, 3, 6, 9], "pushed": [0, 1, 2]}, r"no physical group 'bore'.*did you mean 'boer'\?"),
+        ({"BORE": [0, 3, 6, 9], "Bore": [0, 3], "pushed": [0, 1, 2]}, r"groups 'BORE' and 'Bore'; which is 'bore'"),
+        ({"bore": [0, 3, 6, 9], "pushed": [0, 2]}, r"1 edges of 'pushed' are no edges .* at \(r, z\) = \(60, -30\)"),
+        ({"bore": [1, 4, 7, 10], "pushed": [0, 1, 2]}, r"'bore' runs inside the body at"),
+    ],
+)
+def test_groups_are_found_or_named(lines: dict[str, list[int]], message: str | None, tmp_path: Path) -> None:
+    path = saved(tmp_path, ring([("triangle", HALVES)], lines))
+    if message is None:
+        assert sorted(read_mesh(path, "wheel").edges) == ["bore", "pushed"]
+        return
+    with pytest.raises(MeshError, match=message):
+        read_mesh(path, "wheel")
+
+
+def test_folded_and_foreign_elements_are_refused(tmp_path: Path) -> None:
+    folded = RING.copy()
+    folded[4] = (76.0, -16.0)
+    with pytest.raises(MeshError, match=r"the mesh is folded there|lie upon others"):
+        read_mesh(saved(tmp_path, ring([("triangle", HALVES)], SIDES, folded)), "wheel")
+    solid = meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([[0, 1, 2, 3]]))])
+    solid.write(tmp_path / "solid.vtk")
+    with pytest.raises(MeshError, match="holds elements 'tetra', which are not read"):
+        read_mesh(str(tmp_path / "solid.vtk"), "wheel")
+
+
+def test_only_files_of_a_stated_size_are_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.msh")
+    (tmp_path / "loop.msh").symlink_to(tmp_path / "loop.msh")
+    with (tmp_path / "sparse.msh").open("wb") as file:
+        file.truncate(10 * 2**30)
+    for name, message in (("pipe", "is a pipe, not a file"), ("loop", "mesh.axle"), ("sparse", "sparse.msh: ")):
+        with pytest.raises(MeshError, match=message):
+            read_mesh(str(tmp_path / f"{name}.msh"), "axle")
+
+
+def pressed(
+    folder: Path, *, lenient: bool = False, axle: MeshData | None = None, wheel: MeshData | None = None, **motion: float
+) -> Scene:
+    """A scene of the shipped meshes, one of them replaced."""
+    paths = {}
+    for body, data in (("axle", axle), ("wheel", wheel)):
+        paths[body] = str(MESHES / f"{body}.msh")
+        if data is not None:
+            write(folder / f"{body}.vtk", data, ".vtk")
+            paths[body] = str(folder / f"{body}.vtk")
+    return build_scene(
+        {
+            "mesh": paths,
+            "motion": {"start": 15.0, "travel": 60.0, "increment": 15.0} | motion,
+            "contact": {"allow_no_contact": lenient},
+            "output": {"stress": False, "fields_at": []},
+        },
+        folder,
+    )
+
+
+def moved(body: str, r: float = 0.0, z: float = 0.0) -> MeshData:
+    """A shipped mesh, moved [mm]; an axle moves off its axis."""
+    data = read_mesh(str(MESHES / f"{body}.msh"), body)
+    return MeshData(data.points + np.array([r, z]), data.triangles, data.edges)
+
+
+def test_mesh_scenes_are_judged_by_their_gap(tmp_path: Path) -> None:
+    """What the keys of a drawing tell is told of files, too."""
+    assert first_touch(pressed(tmp_path)) == 15.0
+    loose = pressed(tmp_path, wheel=moved("wheel", r=1.0))
+    with pytest.raises(SceneError, match=r"never meet at displacements from 15 to 60 mm: the gap is 0\.7"):
+        solve(loose)
+    meant = pressed(tmp_path, lenient=True, wheel=moved("wheel", r=1.0))
+    assert not solve(meant).force.any()
+    with pytest.raises(SceneError, match="never face each other"):
+        first_touch(pressed(tmp_path, wheel=moved("wheel", z=-900.0)))
+    with pytest.raises(
+        SceneError, match=r"overlap by 2\.\d+ mm, an interference beyond small strain \(at most 1\.9 mm\)"
+    ):
+        solve(pressed(tmp_path, wheel=moved("wheel", r=-2.0)))
+    with pytest.raises(SceneError, match=r"beside 'seat', where no contact is looked for; shorten motion\.travel"):
+        solve(pressed(tmp_path, travel=250.0))
+
+
+def test_a_bore_narrower_than_the_axle_s_end_is_refused(tmp_path: Path) -> None:
+    """The wheel starts before the seat and its mouth, 0.7 mm wider than the bore, is made to meet the taper."""
+    narrow = pressed(tmp_path, wheel=moved("wheel", r=-1.8), start=-30.0)
+    with pytest.raises(SceneError, match=r"the bore's mouth, .* is narrower than the axle where it enters"):
+        first_touch(narrow)
