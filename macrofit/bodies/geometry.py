@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]
 
 MOST_FACETS = 100_000
-"""Of a contact line: their dense matrices exceed any memory long before."""
+"""Most facets of a contact line: their dense matrices exceed any memory long before."""
 
 FLATTEST = 1e-7
 """Height of an arc below which a piece of a file's contact line is straight, in its lengths."""
