@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
 from .base.ranks import raise_together
+from .bodies.outlook import overlap
 from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
@@ -125,7 +127,18 @@ def _solution(
         stress_cpu_s=stress,
         counters=counters,
         friction=press.pair_friction(),
+        interference=deepest_overlap(press, increments) if press.scene.interference is None else None,
+        bore_ends=press.tiling.bore_ends,
     )
+
+
+def deepest_overlap(press: Press, increments: list[Increment]) -> float:
+    """How deep the undeformed bodies overlap at most over the increments [mm]; negative where they never do."""
+    lines = press.seat.line.generatrix, press.bore.generatrix
+    every = float(np.diff(press.seat.line.coordinate).min())
+    radial = press.seat.line.radial
+    depths = [overlap(*lines, record.displacement, every, radial=radial) for record in increments]
+    return max(depths, default=-math.inf)
 
 
 def advance(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..base.arrays import FloatArray
 from ..errors import MacrofitError
 from ..scene import MeshFile, Scene
-from .geometry import Sizes, draw_body
+from .geometry import Generatrix, Sizes, draw_body
 from .mesh import read_mesh
 
 
@@ -20,18 +22,23 @@ def first_touch(scene: Scene) -> float | None:
         return None
     seat = draw_body(scene.axle, "seat", Sizes.of(scene.mesh, "seat")).generatrix
     bore = draw_body(scene.wheel, "bore", Sizes.of(scene.mesh, "bore")).generatrix
-    ends = (seat.breaks[[0, -1]], bore.breaks[[0, -1]])
     radial = scene.direction == "radial"
     for displacement in scene.displacements:
-        shift, advance = (displacement, 0.0) if radial else (0.0, displacement)
-        first, last = max(ends[0][0], ends[1][0] + shift), min(ends[0][1], ends[1][1] + shift)
-        if first > last:
-            continue
-        s = np.linspace(first, last, max(2, round((last - first) / 0.1) + 1))
-        gap = bore.height(s - shift) - seat.height(s) if radial else seat.height(s) - bore.height(s) - advance
-        if gap.min() < 0.0:
+        if overlap(seat, bore, displacement, 0.1, radial=radial) > 0.0:
             return displacement
     return None
+
+
+def overlap(seat: Generatrix, bore: Generatrix, displacement: float, every: float, *, radial: bool) -> float:
+    """How deep the undeformed bodies overlap [mm], looked for ``every`` mm; negative for a gap, -inf side by side."""
+    shift, advance = (displacement, 0.0) if radial else (0.0, displacement)
+    first = max(float(seat.breaks[0]), float(bore.breaks[0]) + shift)
+    last = min(float(seat.breaks[-1]), float(bore.breaks[-1]) + shift)
+    if first > last:
+        return -math.inf
+    s = np.linspace(first, last, max(2, round((last - first) / every) + 1))
+    gap = bore.height(s - shift) - seat.height(s) if radial else seat.height(s) - bore.height(s) - advance
+    return float(-gap.min())
 
 
 def seat_ends(scene: Scene) -> FloatArray | None:

@@ -151,6 +151,7 @@ def _check_pair(scene: Scene) -> None:
         f"{interference:.4g} mm, beyond small strain (at most {0.02 * axle.seat_radius:.3g} mm); "
         f"check whether a diameter was meant",
     )
+    _check_penalty(scene, axle)
     start = axle.seat_radius - axle.taper_height
     mouth = wheel.bore_radius + wheel.chamfer_height
     resting = scene.displacements[0] > 0.0
@@ -165,6 +166,16 @@ def _check_pair(scene: Scene) -> None:
         tail <= wheel.bore_radius or far <= axle.seat_length,
         f"motion.travel: {far} runs the wheel past the end of the seat, {axle.seat_length}, onto a tail wider than the "
         f"bore, where no contact is looked for; lengthen axle.seat_length",
+    )
+
+
+def _check_penalty(scene: Scene, axle: Shaft) -> None:
+    """A fit presses with about E / (2 R) times its interference: a stiffness of E / (2 R) leaves more than half."""
+    given, least = scene.contact.penalty_stiffness, 0.5 * axle.material.youngs_modulus / axle.seat_radius
+    _need(
+        scene.contact.formulation != "penalty" or given is None or given >= least,
+        f"contact.penalty_stiffness: {given} leaves most of the interference; give at least "
+        f"{10.0 * axle.material.youngs_modulus:.3g} (10 E per mm), or leave it out",
     )
 
 
