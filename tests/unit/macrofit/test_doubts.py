@@ -31,7 +31,7 @@ motion = { travel = 20.0, increment = 1.0 }
 output = { fields_at = [] }
 friction = { options = { coefficient = 0.12 } }
 """
-QUICK = ("motion.displacements=[0, 4, 8]", "mesh.seat_facet=4", *NO_FIELDS)
+QUICK = ("motion.travel=20", "motion.increment=10", "mesh.seat_facet=4", *NO_FIELDS)
 
 
 def macrofit(*arguments: object) -> Result:
