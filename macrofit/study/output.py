@@ -210,6 +210,6 @@ def _doubtful(records: Sequence[RunRecord]) -> list[str]:
     count: Counter[str] = Counter()
     for record in records:
         kinds = {sentence.partition(":")[0]: sentence for sentence in record.doubts}
-        count.update(kinds)
+        count.update(kinds.keys())
         first = kinds | first
     return doubtful_lines([f"{count[kind]} of {len(records)} runs, {first[kind]}" for kind in count])
