@@ -89,11 +89,10 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
-        from .base.ranks import raise_together
+        from .base.ranks import made_by_first
         from .scene import idle_keys, load_scene
 
-        with raise_together(comm):
-            resolved = load_scene(scene, overrides)
+        resolved = made_by_first(comm, lambda: load_scene(scene, overrides))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
@@ -148,12 +147,11 @@ def study(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
-        from .base.ranks import raise_together
+        from .base.ranks import made_by_first
         from .study.plan import plan_study
         from .study.run import carry_out_study
 
-        with raise_together(comm):
-            plan = plan_study(scene, vary, overrides, references)
+        plan = made_by_first(comm, lambda: plan_study(scene, vary, overrides, references))
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
