@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -77,8 +77,9 @@ def main() -> None:
 )
 @changes
 @click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
+@click.option("--strict", is_flag=True, help="Take a doubt about the run for an error (its results are kept).")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors and doubts.")
+def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, strict: bool, quiet: bool) -> None:
     """Compute SCENE and write curve, stresses and figures into a folder; also under mpirun.
 
     A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
@@ -88,20 +89,17 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
-        from .base.ranks import raise_together
+        from .base.ranks import made_by_first
         from .scene import idle_keys, load_scene
 
-        with raise_together(comm):
-            resolved = load_scene(scene, overrides)
+        resolved = made_by_first(comm, lambda: load_scene(scene, overrides))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
         from .run import carry_out
 
-        lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet)
-        for line in [] if quiet else lines:
-            click.echo(line)
+        say_lines(carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict), quiet=quiet)
 
 
 @main.command()
@@ -149,15 +147,12 @@ def study(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
-        from .base.ranks import raise_together
+        from .base.ranks import made_by_first
         from .study.plan import plan_study
         from .study.run import carry_out_study
 
-        with raise_together(comm):
-            plan = plan_study(scene, vary, overrides, references)
-        lines = carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet)
-        for line in [] if quiet else lines:
-            click.echo(line)
+        plan = made_by_first(comm, lambda: plan_study(scene, vary, overrides, references))
+        say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
 @main.command()
@@ -216,6 +211,17 @@ def identify(
         )
         for line in [] if quiet else lines:
             click.echo(line)
+
+
+def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
+    """Print a summary; of a quiet run its doubts alone, as errors are."""
+    from .results.doubts import DOUBTFUL
+
+    for line in lines:
+        if not quiet:
+            click.echo(line)
+        elif line.startswith(DOUBTFUL):
+            click.echo(line, err=True)
 
 
 def import_mesher() -> None:
@@ -301,6 +307,8 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     from .base.progress import printable
     from .bodies.outlook import first_touch
     from .friction import registry
+    from .results.doubts import doubtful_lines
+    from .results.foresight import foreseen
     from .results.summary import interference_line
     from .scene import idle_keys, load_scene
 
@@ -317,6 +325,8 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
     click.echo(f"First touch     {'none' if touch is None else f'at {touch:g} mm'}")
     click.echo(f"Friction        {resolved.friction.provider}")
+    for line in doubtful_lines(foreseen(resolved)):
+        click.echo(line)
 
 
 @main.command()

@@ -12,6 +12,7 @@ from .bodies.outlook import seat_ends
 from .errors import MacrofitError
 from .friction import GivenFriction, ScriptFriction
 from .monitor import Monitor, Several, Silent, on_screen
+from .results.doubts import allow_none
 from .results.folder import (
     JOURNAL,
     SUMMARY,
@@ -38,14 +39,16 @@ def carry_out(
     resume: bool,
     quiet: bool,
     friction: GivenFriction | None = None,
+    strict: bool = False,
 ) -> list[str]:
     """Solve the scene, write its results into ``folder``, and give the summary lines (rank 0). Collective.
 
-    Only rank 0 writes. ``friction`` is an object in place of the scene's [friction], see `solve`; it must state a
-    ``digest``, for the folder keeps a journal.
+    Only rank 0 writes, and no other run may write into the folder until all is written. ``friction`` is an object in
+    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal.
 
     Raises:
         MacrofitError: on all ranks together; what was accepted stays in the folder.
+        DoubtfulRun: ``strict``, and there are doubts about the run (see `doubts`); all results are in the folder.
     """
     if friction is not None:
         script = ScriptFriction(friction)
@@ -58,6 +61,7 @@ def carry_out(
         else:
             journal = Journal.elsewhere()
     monitor: Monitor = Silent() if curve is None else Several(on_screen(quiet=quiet), curve)
+    lines: list[str] = []
     with journal:
         try:
             solution = solve(scene, comm, monitor, journal, friction=friction)
@@ -65,10 +69,9 @@ def carry_out(
             if curve is not None:
                 save_accepted(folder, scene, curve, monitor)
             raise
-        lines: list[str] = []
         with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
             if comm.rank == 0:
-                lines = write_results(folder, solution)
+                lines = write_results(folder, solution, strict=strict)
     return lines
 
 
@@ -99,13 +102,20 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
             write_interface(folder, scene, seat_ends(scene), curve.records)
 
 
-def write_results(folder: Path, solution: Solution) -> list[str]:
-    """Write what is left when all increments are done; gives the summary lines."""
+def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> list[str]:
+    """Write what is left when all increments are done; gives the summary lines.
+
+    Raises:
+        OutputError: a file cannot be written.
+        DoubtfulRun: ``strict``, and there are doubts about the run.
+    """
     from .figures.curves import write_figures
 
     numbers = summary(solution)
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
-    write_summary(folder, numbers)
     write_figures(folder, solution)
+    write_summary(folder, numbers)
+    if strict:
+        allow_none(numbers["doubts"], folder)
     return [*sentences(numbers), f"Files           {folder}"]

@@ -118,6 +118,8 @@ class Solution:
     stress_cpu_s: float
     counters: dict[str, int]  # factorisations, right_hand_sides, back_substitutions, provider_calls, ...
     friction: PairFrictionMap | None = None  # None where the coefficient is the same everywhere
+    interference: float | None = None  # mm, deepest overlap of the undeformed bodies; None where the scene says it
+    bore_ends: tuple[float, float] | None = None  # mm, coordinates of the bore's ends at displacement 0
 
     @property
     def displacement(self) -> FloatArray:
@@ -147,7 +149,8 @@ def energy_balance(increments: Sequence[Increment]) -> float:
 
     In an implicit increment friction dissipates at its final value, the elastic part of the force grows from its
     first value to its last: so the work is taken too. What is left is of second order in the increment where nothing
-    else happens within it, of first order where contact is made.
+    else happens within it, of first order where contact is made. Work below 1e-2 of the strain energy is taken as that
+    much: where nothing is to be moved (no friction), the balance is of rounding and mesh alone.
     """
     work = stored = dissipated = 0.0
     for before, after in pairwise(increments):
@@ -155,7 +158,8 @@ def energy_balance(increments: Sequence[Increment]) -> float:
         work += (elastic + after.friction_force) * (after.displacement - before.displacement)
         stored += after.strain_energy - before.strain_energy
         dissipated += after.dissipation
-    scale = max(abs(work), abs(stored), dissipated)
+    held = max((record.strain_energy for record in increments), default=0.0)
+    scale = max(abs(work), abs(stored), dissipated, 1e-2 * held)
     return abs(work - stored - dissipated) / scale if scale > 0.0 else 0.0
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
 from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field
+from .base.foreign import foreign_code
 from .base.ranks import raise_together
 from .bodies.approach import check_approach
+from .bodies.outlook import overlap
 from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
 from .press import Press, State
+from .results.agreement import agree
 from .scene import Scene, with_script_friction
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
 from .stress import Stresses, evaluate_stresses
@@ -46,7 +50,8 @@ def solve(
             names it. With a journal it must state a `digest`, see `ScriptFriction`.
 
     Raises:
-        SceneError: the assembly is of other bodies or ranks; the bodies never meet, or where they must not.
+        SceneError: the assembly is of other bodies or ranks; the bodies never meet, or where they must not; or ranks
+            differ in scene, files, code or versions.
         MeshError: a body cannot be meshed, supported or held in memory.
         ProviderError: friction cannot be had, or is another than the journal's.
         ConvergenceError: no cutback helps. Every error is raised on all ranks together.
@@ -54,6 +59,7 @@ def solve(
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = Silent() if monitor is None else monitor
     scene, script = _with_friction(scene, friction, journal, comm)
+    agree(comm, [scene])
     clock = [time.process_time()]
 
     factored = 0 if assembly is None else assembly.factorisations
@@ -76,7 +82,7 @@ def solve(
         "factorisations": assembly.factorisations - factored + stresses.factorisations,
         "interface_factorisations": engine.factorisations - engaged,
         **_counters(increments, stresses, field),
-        **summed(comm, field.counters),
+        **summed(comm, _counted(field, comm)),
     }
     return _solution(press, assembly, increments, stresses, clock, counters)
 
@@ -92,6 +98,13 @@ def _with_friction(
         if journal is not None:
             script.required_digest()
     return with_script_friction(scene, script), script
+
+
+def _counted(field: FrictionField, comm: MPI.Comm) -> dict[str, int]:
+    """What the provider counts on this rank."""
+    with raise_together(comm), foreign_code():
+        return field.counters
+    return {}
 
 
 def _counters(increments: list[Increment], stresses: Stresses, field: FrictionField) -> dict[str, int]:
@@ -127,7 +140,18 @@ def _solution(
         stress_cpu_s=stress,
         counters=counters,
         friction=press.pair_friction(),
+        interference=deepest_overlap(press, increments) if press.scene.interference is None else None,
+        bore_ends=press.tiling.bore_ends,
     )
+
+
+def deepest_overlap(press: Press, increments: list[Increment]) -> float:
+    """How deep the undeformed bodies overlap at most over the increments [mm]; negative where they never do."""
+    lines = press.seat.line.generatrix, press.bore.generatrix
+    every = float(np.diff(press.seat.line.coordinate).min())
+    radial = press.seat.line.radial
+    depths = [overlap(*lines, record.displacement, every, radial=radial) for record in increments]
+    return max(depths, default=-math.inf)
 
 
 def advance(

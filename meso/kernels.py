@@ -21,6 +21,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from macrofit.base.caches import ensure_cache
+
+ensure_cache()  # numba looks for it where a kernel is declared
+
 FAST = {"contract", "nsz"}
 """Fused multiply-add is allowed, reordering is not: the same bits every time."""
 

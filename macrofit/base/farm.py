@@ -155,7 +155,7 @@ def deal(
                     exchange.tell(work(task, exchange.poll))
             except Stopped:
                 exchange.leave(failed=False)
-            except Exception:
+            except (Exception, SystemExit):
                 exchange.leave(failed=True)
                 raise
             else:

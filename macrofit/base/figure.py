@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .caches import ensure_cache
 from .files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY, BLACK = (
@@ -22,6 +23,7 @@ DPI = 150
 
 def blank(width: float, height: float) -> Any:
     """An empty figure of this size [inch], without a layout engine."""
+    ensure_cache()
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=DPI)
@@ -29,6 +31,7 @@ def blank(width: float, height: float) -> Any:
 
 def sheet(width: float, height: float, rows: int = 1, columns: Sequence[float] = (1.0,)) -> tuple[Any, list[Any]]:
     """A figure of this size [inch] and its axes, row by row, in columns of these relative widths."""
+    ensure_cache()
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")

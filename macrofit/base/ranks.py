@@ -1,47 +1,71 @@
-"""What MPI ranks share: errors raised together, and an end that leaves none of them waiting."""
+"""What MPI ranks share: errors raised together, work of one for all, and an end that leaves none of them waiting."""
 
 from __future__ import annotations
 
+import importlib
 import pickle
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar, cast
 
 from .commands import flush
+from .errors import MacrofitError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+Made = TypeVar("Made")
+
+
+class _Told(NamedTuple):
+    """An error on its way to other ranks: itself where that can be had, and its type and text in any case."""
+
+    whole: bytes | None
+    module: str  # of the class of the project that it is of, or of RuntimeError
+    name: str
+    text: str
 
 
 @contextmanager
 def raise_together(comm: MPI.Comm) -> Iterator[None]:
     """Run rank-local work that may fail; where any rank failed, every rank raises. Collective.
 
-    A rank raises its own error, the others that of the lowest failing rank.
+    A rank raises its own error, the others that of the lowest failing rank: the same, or, where it cannot be sent,
+    one of its type in the project (RuntimeError for others) with its text. SystemExit is an error here.
     """
-    error: BaseException | None = None
+    error: Exception | None = None
     try:
         yield
     except Exception as caught:
         error = caught
+    except SystemExit as caught:
+        error = RuntimeError(f"SystemExit({caught}) was raised where nothing may end the program")
     if comm.size == 1:
         if error is not None:
             raise error
         return
-    errors = comm.allgather(None if error is None else _sent(error))
-    first = error or next((other for other in errors if other is not None), None)
+    told = comm.allgather(None if error is None else _told(error))
+    if error is not None:
+        raise error
+    first = next((each for each in told if each is not None), None)
     if first is not None:
-        raise first
+        raise _heard(first)
 
 
-def _sent(error: BaseException) -> BaseException:
-    """The error as other ranks can have it: itself, or its type and words where it does not survive the way."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+def made_by_first(comm: MPI.Comm, make: Callable[[], Made]) -> Made:
+    """What the first rank makes, on every rank: it alone reads files and settings. Collective.
+
+    Raises:
+        Exception: what ``make`` raises, on every rank.
+    """
+    made: Made | None = None
+    with raise_together(comm):
+        if comm.rank == 0:
+            made = make()
+    if comm.size > 1:
+        made = comm.bcast(made)
+    return cast(Made, made)
 
 
 def leave(comm: MPI.Comm, code: int) -> NoReturn:
@@ -50,3 +74,34 @@ def leave(comm: MPI.Comm, code: int) -> NoReturn:
     if comm.size > 1:
         comm.Abort(code)
     sys.exit(code)
+
+
+def _told(error: Exception) -> _Told:
+    kind = next((each for each in type(error).__mro__ if _is_ours(each)), RuntimeError)
+    text = str(error) if kind is not RuntimeError else f"{type(error).__name__}: {error}"
+    whole: bytes | None = None
+    try:
+        whole = pickle.dumps(error)
+        if type(pickle.loads(whole)) is not type(error):
+            whole = None
+    except BaseException:  # foreign code may do anything where it is pickled
+        whole = None
+    return _Told(whole, kind.__module__, kind.__qualname__, text)
+
+
+def _is_ours(kind: type) -> bool:
+    """Whether it is an error of the project, which another rank can import and make of a text."""
+    return issubclass(kind, MacrofitError) and kind.__module__.partition(".")[0] in ("macrofit", "meso", "surrogate")
+
+
+def _heard(told: _Told) -> Exception:
+    if told.whole is not None:
+        try:
+            error = pickle.loads(told.whole)
+            if isinstance(error, Exception):
+                return error
+        except BaseException:  # a class that is not on this rank, or that cannot be made again
+            pass
+    kind = getattr(importlib.import_module(told.module), told.name)
+    made: Exception = kind(told.text)
+    return made

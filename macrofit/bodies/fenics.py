@@ -6,17 +6,19 @@ Tried with dolfinx 0.5.2 (Debian 12) and 0.9 (Debian 13); 0.10 and 0.11 by readi
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import importlib.metadata
 import logging
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 from weakref import finalize
 
 import numpy as np
@@ -26,6 +28,9 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from ..base.arrays import FloatArray, IntArray
+from ..base.caches import ensure_cache
+from ..base.errors import OutputError
+from ..base.files import write_text
 from .mesh import MeshData
 
 
@@ -50,6 +55,7 @@ def _bare_imports() -> Iterator[None]:
             del sys.modules[name]
 
 
+ensure_cache()  # dolfinx looks for it when it is imported
 petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
 with _bare_imports():
     import basix
@@ -93,6 +99,7 @@ def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[floa
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     weak = form(u, v, ufl.SpatialCoordinate(grid), values)
     matrix = fem_petsc.assemble_matrix(_compiling(lambda: fem.form(weak)))
+    _keep_check_sums(order)
     matrix.assemble()
     indptr, indices, entries = matrix.getValuesCSR()
     size = matrix.getSize()
@@ -132,24 +139,89 @@ def _compiling(build: Callable[[], Any]) -> Any:
     """What ``build`` makes, compiling code where it must, without the compiler's own messages.
 
     A compilation that was killed leaves a source without a library, for which later ones wait in vain (ten seconds,
-    then TimeoutError): such leftovers are removed, and the code is compiled anew.
+    then TimeoutError), and a library may be damaged or gone: such leftovers are removed, and the code compiled anew.
     """
     enabled = logging.root.manager.disable
     logging.disable(logging.INFO)
     try:
+        _remove_damaged()
         return build()
-    except TimeoutError:
-        _remove_leftovers()
+    except (TimeoutError, ImportError, AttributeError) as error:
+        _remove_leftovers(getattr(error, "path", None))
         return build()
     finally:
         logging.disable(enabled)
 
 
-def _remove_leftovers() -> None:
-    cache = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "fenics"
+def _compiled_forms() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "fenics"
+
+
+@lru_cache(maxsize=1)
+def _remove_damaged() -> None:
+    """Remove libraries that are not what they were, which to load may kill the process, and traces of lost ones."""
+    for ready in _compiled_forms().glob("libffcx_*.c.cached"):
+        name = ready.name.removesuffix(".c.cached")
+        libraries = list(ready.parent.glob(f"{name}.*.so"))
+        if not libraries or not all(map(is_sound_library, libraries)):
+            _remove_compiled(ready.parent, name)
+
+
+def is_sound_library(path: Path) -> bool:
+    """Whether a library has the check sum that was kept when it was first used, or else its whole length."""
+    try:
+        return _check_sum(path).read_text() == hashlib.sha256(path.read_bytes()).hexdigest()
+    except FileNotFoundError:
+        return is_whole_library(path)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+@lru_cache(maxsize=2)
+def _keep_check_sums(order: int) -> None:
+    """Write down the check sums of the libraries in use, once for each order of elements (Linux alone tells them)."""
+    with suppress(OSError, OutputError):
+        lines = Path("/proc/self/maps").read_text().splitlines()
+        for path in {Path(line[line.index("/") :]) for line in lines if "/libffcx_" in line and line.endswith(".so")}:
+            if not _check_sum(path).exists():
+                write_text(_check_sum(path), hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def _check_sum(library: Path) -> Path:
+    return library.with_name(f"{library.name.partition('.')[0]}.sha256")
+
+
+def is_whole_library(path: Path) -> bool:
+    """Whether a library has the length that its head (ELF, 64 bit) says; one of another kind counts as whole."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(64)
+            length = os.fstat(file.fileno()).st_size
+    except OSError:
+        return False
+    if head[:5] != b"\x7fELF\x02":
+        return len(head) == 64 and any(head)
+    if len(head) < 64:
+        return False
+    order: Literal["little", "big"] = "little" if head[5] == 1 else "big"
+    sections, size, count = (int.from_bytes(head[a:b], order) for a, b in ((40, 48), (58, 60), (60, 62)))
+    return length >= sections + size * count
+
+
+def _remove_leftovers(library: str | None) -> None:
+    """Remove sources without a library, and a library that could not be loaded."""
+    cache = _compiled_forms()
     for source in cache.glob("libffcx_*.c"):
         if not source.with_suffix(".c.cached").exists():
             source.unlink(missing_ok=True)
+    if library is not None and Path(library).name.startswith("libffcx_"):
+        _remove_compiled(cache, Path(library).name.partition(".")[0])
+
+
+def _remove_compiled(cache: Path, name: str) -> None:
+    with suppress(OSError):  # of another user, or removed meanwhile
+        for file in cache.glob(f"{name}.*"):
+            file.unlink(missing_ok=True)
 
 
 def _locate_edges(triangles: IntArray, edges: dict[str, IntArray], points: int) -> dict[str, IntArray]:

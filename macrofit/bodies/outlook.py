@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..base.arrays import FloatArray
 from ..errors import MacrofitError
 from ..scene import MeshFile, Scene
 from .approach import check_approach, first_overlap, sides_of
-from .geometry import Sizes, draw_body
+from .geometry import Generatrix, Sizes, draw_body
 from .mesh import read_mesh
 
 
@@ -22,6 +24,18 @@ def first_touch(scene: Scene) -> float | None:
     seat, bore = sides_of(scene)
     check_approach(scene, seat, bore)
     return first_overlap(seat, bore, scene.displacements, radial=scene.direction == "radial")
+
+
+def overlap(seat: Generatrix, bore: Generatrix, displacement: float, every: float, *, radial: bool) -> float:
+    """How deep the undeformed bodies overlap [mm], looked for ``every`` mm; negative for a gap, -inf side by side."""
+    shift, advance = (displacement, 0.0) if radial else (0.0, displacement)
+    first = max(float(seat.breaks[0]), float(bore.breaks[0]) + shift)
+    last = min(float(seat.breaks[-1]), float(bore.breaks[-1]) + shift)
+    if first > last:
+        return -math.inf
+    s = np.linspace(first, last, max(2, round((last - first) / every) + 1))
+    gap = bore.height(s - shift) - seat.height(s) if radial else seat.height(s) - bore.height(s) - advance
+    return float(-gap.min())
 
 
 def seat_ends(scene: Scene) -> FloatArray | None:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
 from macrofit.friction.contract import LIMIT, QUANTITIES, FloatArray, FrictionProvider, StatesUncertainty, TilePairs
 
@@ -71,16 +72,14 @@ def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFri
 
     Raises:
         ProviderError: a bad answer, see `checked_answer` and `checked_uncertainty`.
-        Exception: whatever the provider raises; an exit of the program that it asks for is a RuntimeError.
+        Exception: whatever the provider raises; an exit (SystemExit, KeyboardInterrupt) as `ForeignExit`.
     """
     every = np.arange(pairs.seat.size)
-    try:
+    with foreign_code():
         coefficient = checked_answer(provider.coefficients(pairs.take(every)), pairs, name)
         if not isinstance(provider, StatesUncertainty):
             return PairFriction(coefficient, np.full(every.size, np.nan))
         return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.take(every)), pairs, name))
-    except SystemExit as error:
-        raise RuntimeError(f"it asked the program to exit, with {error.code!r}") from error
 
 
 def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:

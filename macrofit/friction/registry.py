@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import declared_dependence
 from macrofit.friction.contract import BuildContext, FrictionProvider, ProviderOptions
@@ -58,11 +59,21 @@ def build_provider(name: str, options: Mapping[str, object], context: BuildConte
     """
     loaded = load_options(name, options)
     try:
-        provider = loaded.build(context)
-    except (Exception, SystemExit) as error:
+        with foreign_code():
+            provider = loaded.build(context)
+    except Exception as error:
         raise ProviderError(f"friction provider {name!r} cannot be built: {_said(error)}") from error
     declared_dependence(provider, name)
     return provider
+
+
+def provider_package(name: str) -> str:
+    """The top-level package or module that provider `name` comes from; "" where there is no such provider, or several.
+
+    Nothing of it is imported.
+    """
+    targets = [entry.value for entry in _entries() if entry.name == name]
+    return targets[0].partition(":")[0].partition(".")[0] if len(targets) == 1 else ""
 
 
 names, load, build = installed_providers, load_options, build_provider
@@ -101,8 +112,9 @@ def _entry(name: str) -> EntryPoint:
 def _options_class(entry: EntryPoint) -> type[Any]:
     who = f"friction provider {entry.name!r} of {_source(entry)}"
     try:
-        loaded = entry.load()
-    except (Exception, SystemExit) as error:
+        with foreign_code():
+            loaded = entry.load()
+    except Exception as error:
         raise ProviderError(
             f"{who} is broken: loading {entry.value!r} fails with {_said(error)}. "
             "Install what it needs, or reinstall or remove it"
@@ -130,8 +142,9 @@ def decode_options(name: str, kind: type[Any], options: Mapping[str, object]) ->
                 f"friction.options.{key}: unknown option of friction provider {name!r}. Its options: {accepted}"
             )
     try:
-        decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
-    except (Exception, SystemExit) as error:
+        with foreign_code():
+            decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
+    except Exception as error:
         told = str(error).replace("`$.", "`friction.options.")
         raise ProviderError(f"options of friction provider {name!r}: {told}") from error
     return decoded

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, cast
 
 import msgspec
 
+from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import declared_dependence
 from macrofit.friction.contract import BuildContext, FrictionProvider, ProviderOptions
@@ -93,10 +94,11 @@ class ScriptFriction:
         if isinstance(self.given, type) and issubclass(self.given, msgspec.Struct):
             return decode_options(self.name, self.given, options)
         try:
-            return cast(Callable[..., FrictionProvider | ProviderOptions], self.given)(**options)
+            with foreign_code():
+                return cast(Callable[..., FrictionProvider | ProviderOptions], self.given)(**options)
         except ProviderError:
             raise
-        except (Exception, SystemExit) as error:
+        except Exception as error:
             raise ProviderError(
                 f"options of friction provider {self.name!r}: {type(error).__name__}: {error}"
             ) from error
@@ -109,8 +111,9 @@ class ScriptFriction:
         """
         loaded = self.load(options)
         try:
-            provider = loaded.build(context) if hasattr(loaded, "build") else loaded
-        except (Exception, SystemExit) as error:
+            with foreign_code():
+                provider = loaded.build(context) if hasattr(loaded, "build") else loaded
+        except Exception as error:
             told = f"{type(error).__name__}: {error}"
             raise ProviderError(f"friction provider {self.name!r} cannot be built: {told}") from error
         declared_dependence(provider, self.name)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from ..base.figure import BLUE, VERMILION, save, sheet
 from ..base.files import write_json, write_text
-from ..base.ranks import raise_together
+from ..base.ranks import made_by_first, raise_together
 from ..base.toml import last_part
 from ..results.folder import prepare
 from ..results.versions import versions
@@ -47,8 +47,8 @@ def carry_out_identification(
     Raises:
         MacrofitError: on all ranks together.
     """
+    measured = made_by_first(comm, lambda: read_measured(curve, reading))
     with raise_together(comm):
-        measured = read_measured(curve, reading)
         if comm.rank == 0:
             prepare(folder, owned=(folder / NUMBERS).is_file())
 

@@ -139,14 +139,24 @@ def _header(scene: Scene) -> _Header:
 
 
 def file_digests(scene: Scene) -> dict[str, str]:
-    """SHA-256 of the content of each file that a scene names, by its key: meshes, and files in friction options."""
+    """SHA-256 of the content of each file that a scene names, by its key."""
+    return {key: file_digest(file) for key, file in named_files(scene).items()}
+
+
+def file_digest(file: str) -> str:
+    """SHA-256 of a file's content, in hexadecimal.
+
+    Raises:
+        OutputError: see `read_regular`.
+    """
+    return hashlib.sha256(read_regular(Path(file), LARGEST_FILE)).hexdigest()
+
+
+def named_files(scene: Scene) -> dict[str, str]:
+    """The files that a scene names and that are there, by their keys: meshes, and files in friction options."""
     named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
     named |= _flat(scene.friction.options, "friction.options")
-    return {
-        key: hashlib.sha256(read_regular(Path(value), LARGEST_FILE)).hexdigest()
-        for key, value in named.items()
-        if isinstance(value, str) and os.path.isfile(value)
-    }
+    return {key: value for key, value in named.items() if isinstance(value, str) and os.path.isfile(value)}
 
 
 def _same_scene(path: Path, header: _Header, scene: Scene) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from .doubts import doubtful_lines, doubts
 from .verdict import verdict
 from .versions import versions
 
@@ -48,6 +49,7 @@ def summary(solution: Solution) -> dict[str, Any]:
         "versions": versions(),
         "verdict": None if judged is None else msgspec.to_builtins(judged),
         "verdict_reason": reason or None,
+        "doubts": doubts(solution),
     }
 
 
@@ -74,7 +76,7 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     judged = numbers["verdict"]
     reason = numbers["verdict_reason"]
     lines.append(f"Verdict         {judged['sentence'] if judged else f'none: {reason}.'}")
-    return lines
+    return lines + doubtful_lines(numbers["doubts"])
 
 
 def interference_line(radial: float) -> str:

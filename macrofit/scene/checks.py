@@ -153,6 +153,7 @@ def _check_pair(scene: Scene) -> None:
     if not (isinstance(axle, Shaft) and isinstance(wheel, Hub)):
         return
     _check_interference(scene, axle, wheel)
+    _check_penalty(scene, axle)
     start = axle.seat_radius - axle.taper_height
     mouth = wheel.bore_radius + wheel.chamfer_height
     resting = scene.displacements[0] > 0.0
@@ -199,6 +200,16 @@ def _check_beside(scene: Scene, axle: Shaft, wheel: Hub) -> None:
         depth <= 1e-9,
         f"axle.lead_radius: {lead} is wider than the bore, {wheel.bore_radius}, that is over it at a displacement of "
         f"{at} mm, where no contact is looked for; give a smaller lead_radius, or a higher taper_height",
+    )
+
+
+def _check_penalty(scene: Scene, axle: Shaft) -> None:
+    """A fit presses with about E / (2 R) times its interference: a stiffness of E / (2 R) leaves more than half."""
+    given, least = scene.contact.penalty_stiffness, 0.5 * axle.material.youngs_modulus / axle.seat_radius
+    _need(
+        scene.contact.formulation != "penalty" or given is None or given >= least,
+        f"contact.penalty_stiffness: {given} leaves most of the interference; give at least "
+        f"{10.0 * axle.material.youngs_modulus:.3g} (10 E per mm), or leave it out",
     )
 
 

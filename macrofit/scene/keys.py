@@ -131,7 +131,7 @@ class ContactKeys(Keys, frozen=True):
     ] = "nitsche"
     theta: Annotated[Literal[-1, 0, 1], told("Variant of Nitsche's method: 1 is symmetric [-].")] = 0
     gamma0: Annotated[
-        Positive | None,
+        Annotated[float, msgspec.Meta(ge=0.01)] | None,
         told("gamma = gamma0 E / h of Nitsche's method [-]; left out: 10, and 30 for theta = 1, coercive only then."),
     ] = None
     penalty_stiffness: Annotated[

@@ -6,6 +6,7 @@ import csv
 import io
 import shutil
 import time
+from collections import Counter
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 from ..base.files import write_json, write_text, writing
 from ..base.progress import duration, say
 from ..errors import OutputError
+from ..results.doubts import doubtful_lines
 from ..results.folder import JOURNAL, prepare
 from ..results.versions import versions
 from ..solution import Extreme
@@ -121,7 +123,7 @@ def _columns(plan: Plan) -> list[str]:
     return [
         "run", "label", *plan.keys, "peak_force_N", "peak_force_displacement_mm", "final_force_N",
         *(f"{body}_{name}" for body in BODIES for name in ("max_von_mises_MPa", "r_mm", "z_mm", "displacement_mm")),
-        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "cpu_s",
+        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "doubts", "cpu_s",
     ]  # fmt: skip
 
 
@@ -132,7 +134,7 @@ def _row(plan: Plan, run: PlannedRun, record: RunRecord) -> list[str]:
     for body in BODIES:
         cells += _place(record.max_von_mises.get(body))
     cells += [str(len(record.force_N)), *(str(record.counters.get(name, "")) for name in COUNTERS)]
-    return [*cells, str(record.cutbacks), str(record.unconverged), f"{record.cpu_s:.3f}"]
+    return [*cells, str(record.cutbacks), str(record.unconverged), str(len(record.doubts)), f"{record.cpu_s:.3f}"]
 
 
 def _place(at: Extreme | None) -> list[str]:
@@ -177,6 +179,8 @@ def _totals(
         "newton_iterations": total(different, "newton_iterations"),
         "pairs_asked": total(different, "pairs_asked"),
         "unconverged_increments": sum(record.unconverged for record in different),
+        "doubts": {str(run.number): record.doubts for run, record in zip(plan.runs, records, strict=True)
+                   if record.doubts},
         "versions": versions(),
     }  # fmt: skip
 
@@ -197,4 +201,15 @@ def _sentences(plan: Plan, records: Sequence[RunRecord], numbers: dict[str, Any]
             lines.append(f"{word:<15} {several}{mean:.5g} {unit}")
     if numbers["unconverged_increments"]:
         lines.append(f"Not converged   {numbers['unconverged_increments']} increments")
-    return lines
+    return lines + _doubtful(records)
+
+
+def _doubtful(records: Sequence[RunRecord]) -> list[str]:
+    """A line for each kind of doubt, with how many runs have it and the first of its sentences."""
+    first: dict[str, str] = {}
+    count: Counter[str] = Counter()
+    for record in records:
+        kinds = {sentence.partition(":")[0]: sentence for sentence in record.doubts}
+        count.update(kinds.keys())
+        first = kinds | first
+    return doubtful_lines([f"{count[kind]} of {len(records)} runs, {first[kind]}" for kind in count])

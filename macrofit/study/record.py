@@ -12,6 +12,7 @@ from ..base.arrays import FloatArray
 from ..base.files import starts_with
 from ..base.log import Log, frames
 from ..errors import OutputError
+from ..results.doubts import doubts
 from ..solution import Extreme, Solution
 
 KIND = b"macrofit study "
@@ -29,6 +30,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     cutbacks: int
     unconverged: int
     cpu_s: float
+    doubts: list[str] = []  # a sentence each, see `results.doubts`
 
     @staticmethod
     def of(digest: str, solution: Solution, cpu_s: float) -> RunRecord:
@@ -42,6 +44,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
             cutbacks=sum(record.cutbacks for record in solution.increments),
             unconverged=sum(not record.converged for record in solution.increments),
             cpu_s=cpu_s,
+            doubts=doubts(solution),
         )
 
     @property

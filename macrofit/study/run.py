@@ -15,6 +15,7 @@ from ..base.farm import Stopped, deal
 from ..base.ranks import raise_together
 from ..errors import MacrofitError
 from ..monitor import Several, Silent
+from ..results.agreement import agree
 from ..run import open_folder, write_results
 from ..scene import Scene
 from ..solution import Increment, Solution
@@ -34,6 +35,7 @@ def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, k
     Raises:
         MacrofitError: on all ranks together; what was computed is kept.
     """
+    agree(comm, [run.scene for run in plan.runs])
     kept: StudyFile | None = None
     with raise_together(comm):
         if comm.rank == 0:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from macrofit.base.caches import ensure_cache
+
+ensure_cache()  # numba looks for it where a kernel is declared
+
 SKIN = 0.35
 """Reach of the neighbour list beyond contact, in mean radii."""
 

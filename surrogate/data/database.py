@@ -49,6 +49,8 @@ MOST_BYTES = 100_000_000_000
 """Size of a database; one of a million samples has 10 GB."""
 MOST_COMPRESSED = 1100
 """How much smaller than its content a column may be stored: deflate reaches 1032."""
+CHUNK_TREES = 2**16
+"""Bytes that the trees of an HDF5 file may take beside its chunks."""
 _DAMAGED = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError, MemoryError)
 """What h5py raises on a file that is not what it should be."""
 
@@ -152,18 +154,30 @@ class Writer:
             return
         draft = self.path.with_name(f".{self.path.name}.draft")  # one writer: a kill leaves one draft at most
         with writing(self.path):
-            if self.path.exists():
-                shutil.copyfile(self.path, draft)
-            else:
-                _create(draft, self.header)
-            with h5py.File(draft, "r+") as file:
-                _extend(file, np.frombuffer(b"".join(self._rows), self._row), self._failures)
-                self._stored = len(file["samples/id"])
-            force_to_disk(draft)
-            os.replace(draft, self.path)
+            try:
+                self._extend(draft)
+                force_to_disk(draft)
+                os.replace(draft, self.path)
+            finally:
+                draft.unlink(missing_ok=True)
             force_to_disk(self.path.parent)
         self._log.restart(head(self.header))
         self._rows, self._failures = [], {}
+
+    def _extend(self, draft: Path) -> None:
+        """Make a copy of the HDF5 file with what the journal holds; OSError where there is no room."""
+        rows = np.frombuffer(b"".join(self._rows), self._row)
+        if self.path.exists():
+            shutil.copyfile(self.path, draft)
+        else:
+            draft.touch()
+        with draft.open("ab") as file:
+            reserve(file.fileno(), _room(rows, self._failures))
+        if not self.path.exists():
+            _create(draft, self.header)
+        with h5py.File(draft, "r+") as file:
+            _extend(file, rows, self._failures)
+            self._stored = len(file["samples/id"])
 
     def close(self) -> None:
         """Move what the journal holds into the HDF5 file, and take the journal away."""
@@ -214,6 +228,48 @@ def open_database(path: Path, header: Header) -> Iterator[tuple[Writer, set[int]
     writer.close()
 
 
+def reserve(descriptor: int, room: int) -> None:
+    """Make sure that an open file could grow by so much [bytes]: where HDF5 meets a full disk, it ends the process.
+
+    Raises:
+        OSError: there is no room.
+    """
+    end = os.lseek(descriptor, 0, os.SEEK_END)
+    try:
+        os.posix_fallocate(descriptor, end, room)
+    finally:
+        os.ftruncate(descriptor, end)
+
+
+def _room(rows: npt.NDArray[Any], failures: dict[int, str]) -> int:
+    """What an HDF5 file may grow by [bytes]: the entries, a chunk of each dataset that is begun, and its trees."""
+    kinds = [rows.dtype[name] for name in rows.dtype.names or ()]
+    chunks = sum(_chunk(kind) * kind.itemsize for kind in kinds) + 128 * 32 + 64 * (LONGEST_REASON + 8)
+    return int(1.1 * (rows.nbytes + 32 * len(rows) + len(failures) * (LONGEST_REASON + 8))) + chunks + CHUNK_TREES
+
+
+def _chunk(kind: np.dtype[Any]) -> int:
+    """Samples in a chunk of a dataset of this kind: heights are large, and compressed."""
+    return 8 if kind.base == np.float32 else 128
+
+
+def require_samples(path: Path) -> None:
+    """Make sure that not every sample of a whole database failed.
+
+    Raises:
+        DatabaseError: all did; it has the most common reason.
+    """
+    with _opened(path) as (file, _):
+        count = len(file["samples/id"])
+        reasons = Counter(bytes(why).decode(errors="replace") for why in file["failures/reason"][:])
+    if reasons and not count:
+        raise DatabaseError(
+            f"{path}: not one of {reasons.total()} samples could be computed, most of them because: "
+            f"{reasons.most_common(1)[0][0]}; change the settings of the plates or the range of the design, and choose "
+            f"another file with -o"
+        )
+
+
 def _same(path: Path, found: Header, asked: Header) -> Header:
     """The header found, where what is asked for may be added to its samples."""
     if found.schema != asked.schema:
@@ -245,7 +301,7 @@ def _create(path: Path, header: Header) -> None:
                 f"samples/{name}",
                 shape=(0, *kind.shape),
                 maxshape=(None, *kind.shape),
-                chunks=(8 if heights else 128, *kind.shape),
+                chunks=(_chunk(kind), *kind.shape),
                 dtype=kind.base,
                 **({"compression": "gzip", "shuffle": True} if heights else {}),
             )

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from macrofit.base.farm import Farm
 
-from .database import open_database
+from .database import open_database, require_samples
 from .design import Design
 from .monitor import FarmMonitor, Silent
 from .sample import Result, design_tasks, header_of, simulate
@@ -41,7 +41,7 @@ def generate_samples(
 
     Raises:
         DesignError: the design asks for what cannot be.
-        DatabaseError: see `open_database`.
+        DatabaseError: see `open_database`; or every sample failed, which the database keeps.
         FarmError: a process of the farm was killed.
     """
     monitor = monitor or Silent()
@@ -62,3 +62,4 @@ def generate_samples(
             farm.run(ahead, simulate, accept)
         finally:
             monitor.finished()
+    require_samples(path)

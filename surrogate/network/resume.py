@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
+import warnings
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from torch import Tensor, nn
 from macrofit.base.files import replacing
 
 ENTRY = "macrofit-surrogate-state"
+CHECK_SUM = "sha256"
 SAVE_PERIOD_S = 20.0
 """Time between two states [s]."""
 Tensors = dict[str, Tensor]
@@ -20,7 +23,7 @@ Tensors = dict[str, Tensor]
 
 
 class TrainingState:
-    """A file with the state of a training; one that is damaged or of another training is as good as none.
+    """A file with the state of a training and its check sum; one of another training is as good as none.
 
     Args:
         path: the file; None keeps nothing.
@@ -32,17 +35,23 @@ class TrainingState:
         self._last = time.monotonic()
 
     def read(self) -> Tensors | None:
-        """Read what the same training saved; None if there is nothing."""
-        if self.path is None:
+        """Read what the same training saved; None if there is nothing, or, with a warning, if it is damaged."""
+        if self.path is None or not self.path.is_file():
             return None
-        with (
-            suppress(OSError, safetensors.SafetensorError, ValueError, RuntimeError),
-            safetensors.safe_open(self.path, framework="pt") as file,
-        ):
-            names = set(file.keys())
-            if (file.metadata() or {}).get(ENTRY) == self.key and "generator" in names:
-                return {name: file.get_tensor(name) for name in sorted(names)}
-        return None
+        try:
+            with safetensors.safe_open(self.path, framework="pt") as file:
+                names, told = sorted(file.keys()), file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in names}
+            sound = told.get(CHECK_SUM) == check_sum(tensors, told.get(ENTRY, ""))
+        except (OSError, safetensors.SafetensorError, ValueError, RuntimeError, TypeError, KeyError):
+            sound = False
+        if not sound:
+            warnings.warn(
+                f"{self.path}: is damaged, or of an older version; the training starts from the beginning",
+                stacklevel=2,
+            )
+            return None
+        return tensors if told[ENTRY] == self.key else None
 
     def due(self) -> bool:
         """Whether the last state is old enough for the next."""
@@ -57,7 +66,8 @@ class TrainingState:
         if self.path is None:
             return
         with replacing(self.path) as draft:
-            draft.write_bytes(safetensors.torch.save(tensors, {ENTRY: self.key}))
+            told = {ENTRY: self.key, CHECK_SUM: check_sum(tensors, self.key)}
+            draft.write_bytes(safetensors.torch.save(tensors, told))
         self._last = time.monotonic()
 
     def remove(self) -> None:
@@ -65,6 +75,15 @@ class TrainingState:
         if self.path is not None:
             with suppress(OSError):
                 self.path.unlink(missing_ok=True)
+
+
+def check_sum(tensors: Tensors, key: str) -> str:
+    """SHA-256 of a training's key and of names, kinds, shapes and bytes of its tensors."""
+    whole = hashlib.sha256(key.encode())
+    for name, tensor in sorted(tensors.items()):
+        whole.update(f"\n{name} {tensor.dtype} {tuple(tensor.shape)}\n".encode())
+        whole.update(tensor.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    return whole.hexdigest()
 
 
 def pack_state(model: nn.Module, optimiser: torch.optim.Optimizer, kept: Tensors) -> Tensors:

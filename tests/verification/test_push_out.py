@@ -16,7 +16,7 @@ from macrofit.scene import Hub, Shaft, load_scene
 from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
 
-LOADED = slice(1, None)  # the first increment is the shrink fit
+LOADED = slice(2, None, 2)  # the first increment is the shrink fit; from 0.02 mm on the slip is 13 radii long
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_traction_is_the_friction_bound_where_it_slips(push_out: Solution) -> No
 
     1e-9 is rounding; 1 % of mu p is the tail of the front, within two radii of where slip ends.
     """
-    bar, record = bar_of(push_out), push_out.increments[5]
+    bar, record = bar_of(push_out), push_out.increments[10]
     facets, middle = record.facets, 0.5 * (push_out.seat[1:] + push_out.seat[:-1])
     depth = push_out.displacement[0] - middle
     front, radius = slipping_length(push_out, record), bar.radius

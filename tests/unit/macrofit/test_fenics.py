@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from macrofit.bodies.fenics import is_sound_library
 
 FACTORS = """
 import numpy as np, resource, scipy.sparse as sp
@@ -51,3 +54,67 @@ def test_factors_leave_the_memory() -> None:
         stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True, timeout=100,
     )  # fmt: skip
     assert float(done.stdout) < 25.0
+
+
+def compiled(cache: Path, code: str = COMPILE) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"XDG_CACHE_HOME": str(cache)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:20000])
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def flipped(path: Path) -> None:
+    """One bit in the middle, where the code is."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.slow
+def test_damaged_libraries_are_compiled_anew(tmp_path: Path) -> None:
+    """Cut short, a library killed the process (SIGBUS) or failed for ever; a flipped bit would give wrong numbers."""
+    assert compiled(tmp_path).returncode == 0
+    whole = {path: path.read_bytes() for path in (tmp_path / "fenics").glob("*.so")}
+    assert whole
+    for damage in (cut, emptied, flipped, Path.unlink):
+        for path in whole:
+            damage(path)
+        done = compiled(tmp_path)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", ""), damage
+        assert all(is_sound_library(path) for path in whole)
+    for path in (tmp_path / "fenics").glob("*.sha256"):  # compiled by somebody else: the length alone tells
+        path.unlink()
+    cut(next(iter(whole)))
+    assert compiled(tmp_path).returncode == 0
+
+
+def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
+    """Forms are compiled all the same, in a temporary folder that is gone afterwards, and one line says so."""
+    code = COMPILE + "; import os; print(os.environ['XDG_CACHE_HOME'])"
+    done = compiled(Path("/proc/nowhere"), code)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("cannot be written") == 1
+    assert "Traceback" not in done.stderr
+    assert not Path(done.stdout.strip()).exists()
+
+
+@pytest.mark.skipif(os.getuid() != 0 or shutil.which("setpriv") is None, reason="only root can be another user")
+def test_user_without_a_home() -> None:
+    """A service user that no table knows and that has no HOME."""
+    code = "from macrofit.base.caches import ensure_cache; ensure_cache(); import os; print(os.path.expanduser('~'))"
+    done = subprocess.run(
+        ["setpriv", "--reuid", "12345", "--regid", "12345", "--clear-groups", sys.executable, "-c", code],
+        env={"PATH": os.environ["PATH"]}, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("/")
+    assert done.stderr.count("cannot be written") == 1

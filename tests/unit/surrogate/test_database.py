@@ -385,3 +385,43 @@ def test_read_while_it_is_written(tmp_path):
     assert lengths == sorted(lengths)
     assert len(set(lengths)) > 3
     assert ids(path) == list(range(count))
+
+
+FULL = """
+import resource, sys
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from test_database import HEADER, open_database, row
+from macrofit.base.errors import OutputError
+
+with_room = int(sys.argv[3])
+try:
+    with open_database(Path(sys.argv[1]), HEADER) as (writer, done):
+        for number in range(8):
+            if number not in done:
+                writer.append(row(number))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (with_room, resource.RLIM_INFINITY))
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.9])
+def test_a_disk_that_fills_under_hdf5(share: float, tmp_path: Path) -> None:
+    """HDF5 ended the process (SIGSEGV) where it met a full disk; now it is asked for room first."""
+    begun(tmp_path / "whole.h5", list(range(8)))
+    fill(tmp_path / "whole.h5", [])
+    room = int(share * (tmp_path / "whole.h5").stat().st_size)
+    path, here = tmp_path / "a.h5", Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(path), str(here), str(room)],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "cannot be written: File too large (make room" in done.stdout
+    assert set(os.listdir(tmp_path)) == {
+        "whole.h5",
+        "a.h5.journal",
+    }
+    assert fill(path, []) == set(range(8))
+    assert content_hash(read_database(path).samples) == content_hash(read_database(tmp_path / "whole.h5").samples)

@@ -200,6 +200,15 @@ def test_a_failure_is_kept_and_does_not_stop_the_rest(tmp_path, monkeypatch):
         assert "in a plate 300 um thick" in found.failures[1]
 
 
+def test_nothing_but_failures_is_an_error(tmp_path):
+    """One line with the reason, exit code 2; the reasons are kept, and the same command says the same."""
+    path = tmp_path / "a.h5"
+    for _ in range(2):
+        with pytest.raises(DatabaseError, match=r"not one of 2 samples could be computed, .* the surface"):
+            generate_samples(path, Design(max_height=(0.8, 0.9)), SMALL, 2, SerialFarm())
+    assert len(read_database(path).failures) == 2
+
+
 def test_a_bug_is_not_a_failure(tmp_path, monkeypatch):
     def broken(settings: object) -> None:
         raise ZeroDivisionError

@@ -357,7 +357,7 @@ def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
             train_network(SAMPLES, seed=seed, members=2, epochs=5, resume=state, watch=stop)
     assert seen == [1, 2, 1]
     truncate(state)
-    with pytest.raises(Stop):
+    with pytest.raises(Stop), pytest.warns(UserWarning, match="is damaged"):
         train_network(SAMPLES, seed=1, members=2, epochs=5, resume=state, watch=stop)
     assert seen[-1] == 1
 

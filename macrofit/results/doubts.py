@@ -1,0 +1,132 @@
+"""A run judged: what makes one doubt its numbers, each in a sentence with its figure and its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import MacrofitError
+from ..scene.keys import Disc, MeshFile
+from .foresight import SEAT_FACETS, foreseen, too_few_facets
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..solution import Solution
+
+DOUBTFUL = "Doubtful"
+"""How the line of a doubt begins."""
+LEFT_INTERFERENCE = 0.01
+"""Largest mean interpenetration over the interference: with 2 % the force was 0.7 % low, the peak stress 8 %.
+
+Nitsche's method leaves 1e-4, a penalty of 10 E per mm 2e-3 (`wheelset`).
+"""
+ENERGY_BALANCE = 0.05
+"""Largest energy balance: 1 mm increments leave 3e-5 (`wheelset`), 15 mm ones 8e-3; partial slip in ten steps 7e-2."""
+
+
+class DoubtfulRun(MacrofitError):
+    """A run with doubts where none are allowed."""
+
+
+def doubts(solution: Solution) -> list[str]:
+    """A sentence for each doubt about a run, what it showed before what its scene foretold."""
+    checks: tuple[Callable[[Solution], Iterator[str]], ...] = (
+        _touch, _interpenetration, _energy, _convergence, _past_end, _facets,
+    )  # fmt: skip
+    return [sentence for check in checks for sentence in check(solution)] + foreseen(solution.scene)
+
+
+def doubtful_lines(sentences: Sequence[str]) -> list[str]:
+    """The lines that say so, for people."""
+    return [f"{DOUBTFUL}: {sentence}" for sentence in sentences]
+
+
+def allow_none(sentences: Sequence[str], folder: object) -> None:
+    """Where ``sentences`` holds a doubt, refuse the run.
+
+    Raises:
+        DoubtfulRun: with all of them.
+    """
+    if sentences:
+        raise DoubtfulRun(f"doubtful, which --strict refuses: {'; '.join(sentences)} (the results are in {folder})")
+
+
+def _touch(solution: Solution) -> Iterator[str]:
+    records = solution.increments
+    if records and not any(record.active_facets for record in records):
+        yield (
+            f"no contact: seat and bore never touched in {len(records)} increments, {records[0].displacement:g} to "
+            f"{records[-1].displacement:g} mm; check the travel, the radii, and that meshes are in mm"
+        )
+
+
+def _interpenetration(solution: Solution) -> Iterator[str]:
+    left = interpenetration(solution)
+    if left > LEFT_INTERFERENCE:
+        remedy = "contact.gamma0" if solution.scene.contact.formulation == "nitsche" else "contact.penalty_stiffness"
+        yield (
+            f"interpenetration: the bodies still overlap by {left:.2g} of their interference where they press, at "
+            f"most {LEFT_INTERFERENCE:g} is sound (the force is then 0.3 % low); leave {remedy} out, or raise it"
+        )
+
+
+def interpenetration(solution: Solution) -> float:
+    """Largest of the increments' mean interpenetration, weighted with pressure and length, over the interference.
+
+    A mean, for at a sharp edge one facet always keeps some; 0 where the bodies have no interference.
+    """
+    scene, worst = solution.scene, 0.0
+    interference = solution.interference if scene.interference is None else scene.interference
+    if interference is None or interference <= 0.0 or len(solution.seat) < 2:
+        return 0.0
+    length = np.diff(solution.seat)
+    for record in solution.increments:
+        weight = np.maximum(record.facets.pressure, 0.0) * length
+        whole = float(weight.sum())
+        if whole > 0.0:
+            worst = max(worst, float(weight @ np.maximum(-record.facets.gap, 0.0)) / whole)
+    return worst / interference
+
+
+def _energy(solution: Solution) -> Iterator[str]:
+    if not solution.energy_balance <= ENERGY_BALANCE:  # so that NaN is doubtful
+        yield (
+            f"energy balance: work, stored and dissipated energy differ by {solution.energy_balance:.2g} of the "
+            f"largest, at most {ENERGY_BALANCE:g} is sound; try a shorter motion.increment"
+        )
+
+
+def _convergence(solution: Solution) -> Iterator[str]:
+    failed = sum(not record.converged for record in solution.increments)
+    if failed:
+        yield f"not converged: {failed} of {len(solution.increments)} increments; try a shorter motion.increment"
+
+
+def _past_end(solution: Solution) -> Iterator[str]:
+    """A wheel past the end of a seat from a file, which may go on; up to the end the force is right to 3e-4."""
+    scene, ends = solution.scene, solution.bore_ends
+    if not isinstance(scene.axle, MeshFile) or scene.direction != "radial" or ends is None or len(solution.seat) < 2:
+        return
+    past = ends[1] + max(scene.displacements) - float(solution.seat[-1])
+    if past > float(np.diff(solution.seat)[-1]) and any(r.facets.pressure[-1] > 0.0 for r in solution.increments):
+        yield (
+            f"past the seat's end: the wheel goes {past:.4g} mm beyond the group 'seat', where no contact is looked "
+            f"for; let the group reach further, unless the axle is narrower there"
+        )
+
+
+def _facets(solution: Solution) -> Iterator[str]:
+    """Facets of lines from files, and of the contact's patch where the bodies are discs."""
+    scene, seat = solution.scene, solution.seat
+    if isinstance(scene.axle, MeshFile) and len(seat) > 1:
+        ends = solution.bore_ends or (-np.inf, np.inf)
+        yield from too_few_facets("seat", seat, min(float(seat[-1] - seat[0]), ends[1] - ends[0]))
+    most = max((record.active_facets for record in solution.increments), default=0)
+    if isinstance(scene.axle, Disc) and 0 < most < SEAT_FACETS:
+        yield (
+            f"too few facets: the contact reaches over {most} of them at most, {SEAT_FACETS} are wanted; "
+            f"mesh.seat_facet = {scene.mesh.seat_facet * most / (2 * SEAT_FACETS):.2g}"
+        )
