@@ -50,8 +50,7 @@ def solve(
             names it. With a journal it must state a `digest`, see `ScriptFriction`.
 
     Raises:
-        SceneError: the assembly is of other bodies or ranks; the bodies never meet, or where they must not; or ranks
-            differ in scene, files, code or versions.
+        SceneError: another assembly's bodies or ranks; bodies never meet, or where they must not; ranks differ.
         MeshError: a body cannot be meshed, supported or held in memory.
         ProviderError: friction cannot be had, or is another than the journal's.
         ConvergenceError: no cutback helps. Every error is raised on all ranks together.

@@ -21,7 +21,7 @@ try:
 finally:
     print("\\n" + json.dumps(sorted({{name.partition(".")[0] for name in sys.modules}})))
 """
-ALLOWED_IN_FRICTION = {"numpy", "msgspec", "macrofit.errors", "macrofit.base.files", "macrofit.friction"}
+ALLOWED_IN_FRICTION = {"numpy", "msgspec", "macrofit.base", "macrofit.errors", "macrofit.friction"}
 
 
 def loaded_by(statement: str) -> set[str]:
