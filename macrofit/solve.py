@@ -46,8 +46,7 @@ def solve(
         assembly: of the same bodies on the same ranks (see `assemble`), in place of step 1: scenes that differ in
             friction, motion and output alone share it, with the same bits.
         friction: an object in place of the scene's [friction]: a provider, options with `build(context)`, or what
-            makes one of them. It is checked and shared among the ranks as an installed one is. The solution's scene
-            names it. With a journal it must state a `digest`, see `ScriptFriction`.
+            makes one of them; checked and shared as an installed one. With a journal it must state a `digest`.
 
     Raises:
         SceneError: another assembly's bodies or ranks; bodies never meet, or where they must not; ranks differ.
