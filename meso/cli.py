@@ -13,6 +13,8 @@ from macrofit.base.errors import OutputError
 from macrofit.base.progress import is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
+from .presets import DEFAULT, PRESETS, presets_line
+
 if TYPE_CHECKING:
     from .settings import Settings
 
@@ -38,6 +40,10 @@ def main() -> None:
 
 settings_argument = click.argument("settings", required=False, type=FILE)
 set_settings = set_option("the settings")
+preset_option = click.option(
+    "--preset", type=click.Choice(list(PRESETS)), default=DEFAULT, show_default=True,
+    help=f"What neither SETTINGS nor --set says. {presets_line()}.",
+)  # fmt: skip
 
 
 def numbers(context: click.Context, option: click.Parameter, text: str | None) -> tuple[float, ...]:
@@ -54,6 +60,7 @@ def numbers(context: click.Context, option: click.Parameter, text: str | None) -
     "-o", "--output", "folder", type=FILE, default=Path("meso-run"), show_default=True, help="Folder of the results."
 )
 @set_settings
+@preset_option
 @click.option("--engine", type=click.Choice(["auto", "quasi-static", "explicit"]), help="Instead of the settings'.")
 @click.option("--micro-friction", callback=numbers, metavar="MU[,MU...]", help="Instead of the settings'.")
 @click.option("--no-figures", is_flag=True, help="Write data only.")
@@ -62,6 +69,7 @@ def run(
     settings: Path | None,
     folder: Path,
     overrides: tuple[str, ...],
+    preset: str,
     engine: str | None,
     micro_friction: tuple[float, ...],
     no_figures: bool,
@@ -74,7 +82,7 @@ def run(
     more = [f"engine.name={engine}"] if engine else []
     if micro_friction:
         more.append(f"contact.micro_friction={list(micro_friction)}")
-    resolved = _load(settings, (*overrides, *more))
+    resolved = _load(settings, (*overrides, *more), preset)
     try:
         from .monitor import on_screen
         from .run import carry_out
@@ -100,11 +108,13 @@ def run(
 @click.option("--seed", type=int, help="Of the random heights.")
 @click.option("--generator", type=click.Choice(["diamond_square", "self_affine"]), help="How the heights are made.")
 @set_settings
+@preset_option
 def surface(
     targets: tuple[Path, ...],
     body: Literal["wheel", "axle"],
     seed: int | None,
     overrides: tuple[str, ...],
+    preset: str,
     **given: Any,
 ) -> None:
     """Make the rough face of a body, print its roughness, and write it in the forms asked for.
@@ -120,7 +130,7 @@ def surface(
     if seed is not None:
         given[f"{body}_seed"] = seed
     more = [f"surface.{key}={value}" for key, value in given.items() if value is not None]
-    resolved = _load(None, (*overrides, *more))
+    resolved = _load(None, (*overrides, *more), preset)
     edge, slide = resolved.plates.edge, resolved.load.slide
     size = (edge, edge) if body == "wheel" else (edge + slide, edge)
     face = rough_face(resolved.surface, body, getattr(resolved.surface, f"{body}_seed"), size)
@@ -146,12 +156,13 @@ def surface(
     show_default=True, help="Spheres and beams (.vtu, .vtk) or their picture (.png); several may be given.",
 )  # fmt: skip
 @set_settings
-def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[str, ...]) -> None:
+@preset_option
+def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[str, ...], preset: str) -> None:
     """Pack the two plates of the settings, print their measures, and write them for a look."""
     for target in targets:
         if target.suffix.lower() not in (".vtu", ".vtk", ".png"):
             raise OutputError(f"{target}: spheres are written as .vtu or .vtk, their picture as .png")
-    resolved = _load(settings, overrides)
+    resolved = _load(settings, overrides, preset)
     from .plates import make_plates
     from .results.folder import write_spheres
     from .results.summary import packing_line, roughness_line
@@ -243,7 +254,7 @@ def calibrate(
     click.echo(f"Files           {folder}")
 
 
-def _load(source: Path | None, overrides: tuple[str, ...]) -> Settings:
+def _load(source: Path | None, overrides: tuple[str, ...], preset: str) -> Settings:
     from .settings import load
 
-    return load(source, overrides)
+    return load(source, overrides, preset)

@@ -27,11 +27,12 @@ from macrofit.friction import BuildContext, FloatArray, ProviderError, TilePairs
 
 from .coefficient_cache import CoefficientCache, Entry, code
 from .errors import MesoError, SettingsError
-from .friction_test import prepared, slid
+from .friction_test import engine_name, prepared, slid
 from .lattice.lattice import Lattice
 from .material import Material
 from .packing.pack import Packing
 from .plates import beams_of, face_to_face, make_plate
+from .presets import DEFAULT, PRESETS, on_preset
 from .records import UNBALANCED, Slide
 from .settings import Settings, decode
 from .surfaces.surface import Body, tile_seed
@@ -39,6 +40,9 @@ from .surfaces.surface import Body, tile_seed
 HELD_SPHERES = 600_000
 """Spheres of the plates kept in memory, 0.3 kB each. An increment asks about all tiles in contact, once or twice:
 either all their plates are kept or none is found again. 200 tiles of each body, of 3000 spheres a pair, fit in."""
+
+LONG_S = 1800.0
+"""CPU time of all friction tests of a run above which it is told before they begin [s]."""
 
 TABLES = ("surface", "plates", "beams", "contact", "load", "engine")
 """The tables of a friction test that are options."""
@@ -57,8 +61,9 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """Coefficients of friction from the discrete model of two rough plates, run for each pair when it is asked for.
 
     The tables `surface`, `plates`, `beams`, `contact`, `load`, `engine` are those of a friction test (`meso.settings`)
-    with their defaults, but for the keys in `TAKEN`. Both plates are of the axle's material, as large as a tile and
-    slid by its length. The pair's own pressure is not used: it is `load.pressure` everywhere.
+    with their defaults, but for the keys in `TAKEN`. `plates` may be the name of a preset (`meso.presets`) instead, or
+    have its name as the key `preset`: what no table says is then the preset's. Both plates are of the axle's material,
+    as large as a tile and slid by its length. The pair's own pressure is not used: it is `load.pressure` everywhere.
 
     Raises:
         ProviderError: an option that is unknown or refused, by its key.
@@ -71,7 +76,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     cache: bool = True
     """Keep coefficients in the context's cache folder, and take them from there."""
     surface: dict[str, Any] = {}
-    plates: dict[str, Any] = {}
+    plates: dict[str, Any] | str = {}
     beams: dict[str, Any] = {}
     contact: dict[str, Any] = {}
     load: dict[str, Any] = {}
@@ -86,14 +91,17 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     def settings(self, tile_size: float) -> Settings:
         """The settings that all pairs share, for tiles of this length [mm]."""
-        tables = {name: dict(getattr(self, name)) for name in TABLES if name != "beams" or self.beams}
+        preset, plates = named_plates(self.plates)
+        tables = {name: dict(getattr(self, name)) for name in TABLES if name != "plates"} | {"plates": plates}
+        if not self.beams:
+            del tables["beams"]
         for (table, key), instead in TAKEN.items():
             if key in tables[table]:
                 raise ProviderError(f"friction.options.{table}.{key}: leave it out, {instead}")
         tables["contact"]["micro_friction"] = self.micro_friction
         tables["plates"]["edge"] = tables["load"]["slide"] = tile_size
         try:
-            return decode(tables)
+            return decode(on_preset(preset, tables))
         except SettingsError as error:
             told = str(error).replace("contact.micro_friction", "micro_friction")
             raise ProviderError(f"friction.options.{told}") from None
@@ -107,6 +115,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         material = Material(youngs_modulus=context.youngs_modulus, poisson_ratio=context.poisson_ratio)
         settings = msgspec.structs.replace(self.settings(context.tile_size), material=material)
         beams_of(settings)
+        _warn_of_cost(settings, context.seat_tiles * context.bore_tiles // 2)
         keeps = self.cache and context.cache_dir is not None
         return TileFriction(
             settings, self.seed, CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None
@@ -230,6 +239,42 @@ class TileFriction:
     def _made(self, body: Body, seed: int) -> tuple[Packing, Lattice]:
         surface = msgspec.structs.replace(self.shared.surface, axle_seed=seed, wheel_seed=seed)
         return make_plate(msgspec.structs.replace(self.shared, surface=surface), body)
+
+
+def named_plates(plates: dict[str, Any] | str) -> tuple[str, dict[str, Any]]:
+    """The preset that the option `plates` names, and its other keys.
+
+    Raises:
+        ProviderError: `plates.preset` is no text.
+    """
+    keys: dict[str, Any] = {"preset": plates} if isinstance(plates, str) else {"preset": DEFAULT, **plates}
+    preset = keys.pop("preset")
+    if not isinstance(preset, str):
+        raise ProviderError(f"friction.options.plates.preset = {preset}: take {' or '.join(PRESETS)}")
+    return preset, keys
+
+
+def slide_cpu_s(settings: Settings) -> float:
+    """About how long the friction test of a pair takes [CPU s], its plates made; measured on one machine.
+
+    The explicit engine's time step falls with the size of the spheres.
+    """
+    thousands = 1e-3 * settings.plates.spheres
+    if engine_name(settings) == "quasi-static":
+        return float(0.1 * thousands**1.6)
+    return float(0.25 * thousands ** (4.0 / 3.0) * (0.6 + settings.load.slide * 1e4 / settings.engine.speed))
+
+
+def _warn_of_cost(settings: Settings, pairs: int) -> None:
+    """Tell before a run begins that it will take long."""
+    each = slide_cpu_s(settings)
+    if pairs * each > LONG_S:
+        warnings.warn(
+            f"friction provider 'dem': {pairs} pairs of tiles may meet, and one that is not in the cache takes about "
+            f"{each:.1f} CPU s: {pairs * each / 3600.0:.1g} CPU hours, which the ranks share; friction.provider = "
+            "'surrogate' answers at once",
+            stacklevel=2,
+        )
 
 
 def _entry(settings: Settings, slide: Slide) -> Entry:

@@ -17,6 +17,7 @@ from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_o
 
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material
+from .presets import DEFAULT, on_preset
 
 EngineName = Literal["auto", "quasi-static", "explicit"]
 
@@ -192,17 +193,19 @@ class Settings(Keys, frozen=True):
         return hashlib.sha256(text).hexdigest()[:20]
 
 
-def load(source: str | Path | None = None, overrides: Iterable[str] = ()) -> Settings:
+def load(source: str | Path | None = None, overrides: Iterable[str] = (), preset: str = DEFAULT) -> Settings:
     """Settings from a TOML file (None: all defaults), changed by ``key=value`` overrides with dotted keys.
 
+    Keys that neither has are those of a preset, see `meso.presets`.
+
     Raises:
-        SettingsError: one line that names the file or the key.
+        SettingsError: one line that names the file, the key or the preset.
     """
     with errors_as(SettingsError):
         tables: dict[str, Any] = {} if source is None else read_toml(Path(source))
         for override in overrides:
             set_key(tables, *split_override(override, "load.pressure=100"))
-    return decode(tables)
+    return decode(on_preset(preset, tables))
 
 
 def decode(tables: Mapping[str, Any]) -> Settings:

@@ -8,9 +8,9 @@
     seed = 1
     surface = { levels = 3, max_height = 0.02 }
     fallback = "dem"
-    dem = { plates = { spheres = 1000 } }
 
-`Surrogate` has the options, `TileNetwork` answers. The same seed gives the same surfaces as the provider `dem`.
+`plates = "as-published"` asks for other plates, and thereby for another network. `Surrogate` has the options,
+`TileNetwork` answers. The same seed gives the same surfaces as the provider `dem`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -38,34 +38,43 @@ from macrofit.friction import (
     load,
 )
 from meso.errors import SettingsError
+from meso.presets import DEFAULT, PRESETS, on_preset, preset_tables
+from meso.settings import SurfaceKeys, decode
 from meso.surfaces.surface import LEVELS, Body, tile_seed
 
+from .data.plates import Plates
 from .errors import SurrogateError
+from .network.shipped import SHIPPED, NetworkName
 
 if TYPE_CHECKING:
-    from .data.samples import Plates
     from .tiles import Tiles
 
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
-YOUNGS_MODULUS_SLACK = 0.03
-"""Largest relative distance from the plates' modulus [-]. Between 206 and 210 GPa the coefficient moves by less than
-0.1 %: half the pressure is worth 1.8 %."""
-POISSON_RATIO_SLACK = 0.005
-"""Largest distance from the plates' Poisson's ratio [-]."""
 LARGEST_FRICTION = math.nextafter(2.0, 0.0)
 """Largest coefficient that the contract accepts [-]."""
 
 
 class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Diamond-Square surfaces of both bodies, with the keys and defaults of the provider `dem`."""
+    """Diamond-Square surfaces of both bodies, with the keys of the provider `dem`; None: as of the plates' preset."""
 
-    levels: int = 3
+    levels: int | None = None
     """n: 2^n + 1 points along a tile."""
-    max_height: float = 0.02
+    max_height: float | None = None
     """R [mm]: corners and noise lie in [-R/2, R/2]."""
-    hurst_exponent: float = 0.8
+    hurst_exponent: float | None = None
     """Hurst exponent H [-]."""
+
+    def on_preset(self, preset: str) -> SurfaceOptions:
+        """The same, with nothing left out.
+
+        Raises:
+            SettingsError: there is no preset of this name.
+        """
+        plain, given = SurfaceKeys(), preset_tables(preset).get("surface", {})
+        keys = {key: given.get(key, getattr(plain, key)) for key in self.__struct_fields__}
+        own = {key: value for key, value in msgspec.structs.asdict(self).items() if value is not None}
+        return SurfaceOptions(**{**keys, **own})
 
 
 class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -93,12 +102,25 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """What happens outside of the inputs the network has seen."""
     dem: dict[str, Any] = {}
     """More options of the provider `dem`, with fallback = "dem"."""
+    plates: dict[str, Any] | str | None = None
+    """The plates whose friction is asked for, as in the provider `dem`: the name of a preset, or keys of the plates.
+    The preset chooses the network, and with fallback = "dem" these are the plates that answer. None: those of the
+    model that is given, or else of the default preset."""
+    network: NetworkName = "energy"
+    """The network that comes with the package: shaped like the physics, or the paper's convolutional one, "cnn"."""
 
     def __post_init__(self) -> None:
+        preset = self._preset()[0]
+        if preset not in PRESETS:
+            raise ProviderError(f"friction.options.plates = {preset!r}: take {' or '.join(PRESETS)}, or keys of plates")
+        if self.model is not None and self.network != "energy":
+            raise ProviderError("friction.options.network: leave it out, it is friction.options.model")
         try:
             tile_seed(self.seed, 0)
+            self._asked_plates(1.0)
         except SettingsError as error:
             raise ProviderError(f"friction.options.{error}") from None
+        msgspec.structs.force_setattr(self, "surface", self.surface.on_preset(preset))
         limits = {
             "micro_friction": (self.micro_friction, 0.0, 2.0),
             "surface.levels": (self.surface.levels, LEVELS[0], LEVELS[-1]),
@@ -106,7 +128,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             "surface.hurst_exponent": (self.surface.hurst_exponent, 0.0, 1.0),
         }
         for key, (value, low, high) in limits.items():
-            if not low <= value <= high:
+            if value is None or not low <= value <= high:
                 raise ProviderError(f"friction.options.{key} = {value} is out of bounds: take {low:g} ... {high:g}")
         self._check_dem()
 
@@ -129,8 +151,43 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 warnings.warn(f"friction provider 'surrogate': {message}; 'dem' answers for all pairs", stacklevel=2)
                 return self._dem(context)
             warnings.warn(f"friction provider 'surrogate': {message}; it is asked nevertheless", stacklevel=2)
-        fallback = functools.cache(lambda: self._dem(context)) if self.fallback == "dem" else None
-        return TileNetwork(tiles, self, trusted=not unseen, fallback=fallback)
+        if self.fallback != "dem":
+            return TileNetwork(tiles, self, trusted=not unseen)
+        others = tiles.predictor.provenance.plates.unlike(self._answering_plates(context))
+        if others:
+            warnings.warn(
+                f"friction provider 'surrogate': pairs that lose contact are answered by other plates than the network "
+                f"has learned from: {'; '.join(others)}. Take these keys out of friction.options.dem",
+                stacklevel=2,
+            )
+        return TileNetwork(tiles, self, fallback=functools.cache(lambda: self._dem(context)))
+
+    def _preset(self) -> tuple[str, dict[str, Any]]:
+        """The preset that `plates` names, and its other keys."""
+        keys = {"preset": self.plates} if isinstance(self.plates, str) else {"preset": DEFAULT, **(self.plates or {})}
+        return keys.pop("preset"), keys
+
+    def _asked_plates(self, tile_size: float, more: Mapping[str, Any] | None = None) -> Plates:
+        """What the settings of the plates that are asked for come to, with `more` tables over them.
+
+        Raises:
+            SettingsError: a key of the plates that is unknown or refused.
+        """
+        preset, keys = self._preset()
+        tables: dict[str, Any] = {name: table for name, table in (more or {}).items() if name != "cache"}
+        tables["plates"] = {**keys, **tables.get("plates", {}), "edge": tile_size}
+        tables["load"] = {**tables.get("load", {}), "slide": tile_size}
+        return Plates.of_settings(msgspec.to_builtins(decode(on_preset(preset, tables))))
+
+    def _in_solid(self, plates: Plates, context: BuildContext) -> Plates:
+        """The plates, of the axle's material."""
+        return msgspec.structs.replace(
+            plates, youngs_modulus=context.youngs_modulus, poisson_ratio=context.poisson_ratio
+        )
+
+    def _answering_plates(self, context: BuildContext) -> Plates:
+        """The plates of the provider `dem`."""
+        return self._in_solid(self._asked_plates(context.tile_size, self.dem), context)
 
     def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
         """The tiles with the network, and which of the inputs it has not seen, in words."""
@@ -142,8 +199,10 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
+        preset = self._preset()[0]
+        shipped = SHIPPED[preset].network(self.network)
         try:
-            network = load_predictor(None if self.model is None else Path(self.model).expanduser())
+            network = load_predictor(shipped if self.model is None else Path(self.model).expanduser())
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
         if network.provenance.faces != "generated":
@@ -153,7 +212,11 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             )
         surface = msgspec.structs.asdict(self.surface)
         unseen = outside_training(network.provenance, micro_friction=self.micro_friction, **surface)
-        unseen += _other_plates(context, network.provenance.plates)
+        learned = network.provenance.plates
+        asked = msgspec.structs.replace(learned, edge=context.tile_size)
+        if self.model is None or self.plates is not None:
+            asked = self._asked_plates(context.tile_size)
+        unseen += learned.unlike(self._in_solid(asked, context))
         counts = context.seat_tiles, context.bore_tiles
         return shared_tiles(network, self.seed, tuple(surface.items()), counts), unseen
 
@@ -164,7 +227,9 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def _dem_options(self) -> dict[str, Any]:
         """Options of the provider `dem` on the same surfaces."""
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
-        return {**self.dem, **own, "surface": msgspec.structs.asdict(self.surface)}
+        preset, keys = self._preset()
+        plates = {"preset": preset, **keys, **self.dem.get("plates", {})}
+        return {**self.dem, **own, "plates": plates, "surface": msgspec.structs.asdict(self.surface)}
 
     def _check_dem(self) -> None:
         """A scene is refused when it is read, not when it runs."""
@@ -313,16 +378,3 @@ class TileNetwork:
             )
         self.clipped += wrong.size
         np.clip(answer.mean, 0.0, LARGEST_FRICTION, out=answer.mean)
-
-
-def _other_plates(context: BuildContext, plates: Plates) -> list[str]:
-    """In which ways the plates of a run are others than those learned from, in words."""
-    low, high = ((1.0 + sign * YOUNGS_MODULUS_SLACK) * plates.youngs_modulus for sign in (-1.0, 1.0))
-    findings = []
-    if not math.isclose(context.tile_size, plates.edge, rel_tol=1e-9):
-        findings.append(f"tile_size = {context.tile_size:g} is not {plates.edge:g} mm")
-    if not low <= context.youngs_modulus <= high:
-        findings.append(f"youngs_modulus = {context.youngs_modulus:g} is outside {low:g} ... {high:g} MPa")
-    if not abs(context.poisson_ratio - plates.poisson_ratio) <= POISSON_RATIO_SLACK:
-        findings.append(f"poisson_ratio = {context.poisson_ratio:g} is not {plates.poisson_ratio:g}")
-    return findings

@@ -12,36 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray, HeightArray, IntArray
-from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 from macrofit.base.toml import TomlError, parse_toml
 
 from ..errors import DatabaseError
+from .plates import Plates
 
 SCHEMA = 1
 BLOCK = 256
 """Samples that are laid out row by row at a time."""
-
-
-class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What all plates of a database have in common, and a network that learns from it cannot know otherwise."""
-
-    spheres: int = 3000
-    """Spheres of both plates together."""
-    edge: float = 1.0
-    """Edge of the wheel's plate [mm]."""
-    slide: float = 1.0
-    """Length of the slide [mm]."""
-    pressure: float = 170.0
-    """Mean pressure before the slide [MPa]."""
-    youngs_modulus: float = YOUNGS_MODULUS
-    """Young's modulus [MPa]."""
-    poisson_ratio: float = POISSON_RATIO
-    """Poisson's ratio [-]."""
-
-    @property
-    def load(self) -> float:
-        """Normal force before the slide [N]."""
-        return self.pressure * self.edge**2
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -71,10 +49,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
             DatabaseError: they are no TOML, or lack a key.
         """
         try:
-            tables = parse_toml(self.settings, "settings")
-            where = {"spheres": "plates", "edge": "plates", "slide": "load", "pressure": "load"}
-            keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__}
-            return msgspec.convert(keys, Plates)
+            return Plates.of_settings(parse_toml(self.settings, "settings"))
         except (TomlError, KeyError, msgspec.ValidationError) as error:
             raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 

@@ -21,7 +21,7 @@ from torch import Tensor
 from macrofit.base.errors import OutputError
 from macrofit.base.files import check_regular, replacing
 
-from ..data.samples import Plates
+from ..data.plates import Plates
 from ..errors import CheckpointError
 from .dataset import Faces
 from .model import FoundationEnsemble, LallemanCNN

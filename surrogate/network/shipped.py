@@ -1,15 +1,41 @@
-"""Files that come with the package; README has the three commands that make them anew."""
+"""Files that come with the package, by the preset of the plates they are of; `make networks` makes them anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+NetworkName: TypeAlias = Literal["energy", "cnn"]
+"""The network that is shaped like the physics, or the paper's convolutional one."""
 
 FOLDER = Path(__file__).parent / "models"
-NETWORK = FOLDER / "energy.safetensors"
-"""Ensemble on foundations for faces as generated."""
+
+
+class Shipped(NamedTuple):
+    """Files of one preset of the plates."""
+
+    energy: Path
+    """Ensemble on foundations for faces as generated."""
+    cnn: Path
+    """Convolutional networks as Lalleman et al. describe them, trained on the same split."""
+    evaluation: Path
+    """Friction tests of a hundred pairs of surfaces that no network here was trained on."""
+
+    def network(self, name: NetworkName) -> Path:
+        """The file of a network."""
+        return self.energy if name == "energy" else self.cnn
+
+
+SHIPPED = {
+    "slow": Shipped(FOLDER / "energy.safetensors", FOLDER / "paper.safetensors", FOLDER / "evaluation.csv"),
+    "as-published": Shipped(
+        FOLDER / "as-published-energy.safetensors",
+        FOLDER / "as-published-cnn.safetensors",
+        FOLDER / "as-published-evaluation.csv",
+    ),
+}
+"""What there is for each preset of the plates."""
+NETWORK, PAPER, EVALUATION = SHIPPED["slow"]
+"""Those of the default plates."""
 ENVELOPE = FOLDER / "envelope.safetensors"
-"""Ensemble on foundations for the envelopes of the spheres."""
-PAPER = FOLDER / "paper.safetensors"
-"""Convolutional network as Lalleman et al. describe it, trained on the same split."""
-EVALUATION = FOLDER / "evaluation.csv"
-"""Friction tests of a hundred pairs of surfaces that no network here was trained on."""
+"""Ensemble on foundations for the envelopes of the spheres of the default plates."""

@@ -21,7 +21,8 @@ import torch
 
 from macrofit.base.arrays import FloatArray, IntArray
 
-from ..data.samples import Plates, Samples, content_hash
+from ..data.plates import Plates
+from ..data.samples import Samples, content_hash
 from ..errors import TrainingError
 from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
 from .dataset import Faces, Pairs, pair_tensors, split_by_family
