@@ -24,10 +24,10 @@ from macrofit.base.files import check_regular, replacing
 from ..data.plates import Plates
 from ..errors import CheckpointError
 from .dataset import Faces
-from .model import FoundationEnsemble, LallemanCNN
+from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 
 Architecture = Literal["energy", "paper"]
-Model: TypeAlias = FoundationEnsemble | LallemanCNN
+Model: TypeAlias = FoundationEnsemble | LallemanCNN | LallemanEnsemble
 ENTRY = "macrofit-surrogate"
 SCHEMA = 1
 LARGEST_FILE = 200_000_000
@@ -44,21 +44,27 @@ class EnsembleOptions(
     members: int = 8
     width: int = 24
     positions: int = 5
+    constant: bool = False
 
     def build_network(self) -> FoundationEnsemble:
         """Build the network, untrained."""
-        return FoundationEnsemble(self.stiffness, self.load, self.members, self.width, self.positions)
+        return FoundationEnsemble(
+            self.stiffness, self.load, self.members, self.width, self.positions, constant=self.constant
+        )
 
 
 class CNNOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="paper", tag_field="architecture"):
-    """Arguments of `LallemanCNN`; files name this architecture "paper"."""
+    """Arguments of `LallemanCNN`, or with several members of `LallemanEnsemble`; files name both "paper"."""
 
     points: int = 33
     filters: tuple[int, ...] = (16, 12, 8, 6, 4)
+    members: int = 1
 
-    def build_network(self) -> LallemanCNN:
+    def build_network(self) -> LallemanCNN | LallemanEnsemble:
         """Build the network, untrained."""
-        return LallemanCNN(self.points, self.filters)
+        if self.members == 1:
+            return LallemanCNN(self.points, self.filters)
+        return LallemanEnsemble(self.points, self.filters, self.members)
 
 
 class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -185,7 +191,7 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
         steps = options.positions - 1
         fits = steps > 0 and (points - 1) % steps == 0 and 0.0 < options.load < math.inf
     else:
-        fits = options.points == points
+        fits = options.points == points and options.members > 0
     if not fits:
         raise CheckpointError(f"{path}: its options do not fit faces of {points} points, or a load above 0")
     try:

@@ -1,4 +1,4 @@
-"""The networks: an ensemble on elastic foundations, and the convolutional one of Lalleman et al.
+"""The networks: an ensemble on elastic foundations, and the convolutional one of Lalleman et al., alone or several.
 
 Both take the heights of the two faces and micro coefficients, and give the mean and the standard deviation of the meso
 coefficient. Heights in mm: wheel (pairs, n + 1, n + 1), axle (pairs, 2 n + 1, n + 1); micro (pairs, k).
@@ -21,6 +21,8 @@ LAWS_PER_CHUNK = 512
 """Pairs whose affine laws are computed together."""
 LEAST_SPREAD = 1e-5
 """Lower bound of a standard deviation [-]."""
+CONSTANT_UNIT = 0.01
+"""What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
 
 
 class FoundationEnsemble(nn.Module):
@@ -29,7 +31,8 @@ class FoundationEnsemble(nn.Module):
     b = sum over foundations of g_k b_k, a = a_0 + ..., and the spread of the packings, where g, a and the spread follow
     from even features of the two faces by a small perceptron. (Even: they stay the same when the slide is reversed.)
     With its last layer at zero the network is the foundations' linear combination; it cannot invent a slope where no
-    energy changes.
+    energy changes. Plates that swing lose energy to their damping whatever the faces: for them b has a constant
+    besides, one output of the perceptron more.
 
     The features are the roughness and the slope of the upper halves of both faces, and for each foundation the mean
     and the smallest load and the mean depth along the slide.
@@ -44,14 +47,22 @@ class FoundationEnsemble(nn.Module):
         members: networks in the ensemble.
         width: hidden units of each perceptron.
         positions: places of the slide at which the foundations are evaluated.
+        constant: b has a constant besides.
     """
 
     def __init__(
-        self, stiffness: list[float], load: float, members: int = 8, width: int = 24, positions: int = 5
+        self,
+        stiffness: list[float],
+        load: float,
+        members: int = 8,
+        width: int = 24,
+        positions: int = 5,
+        constant: bool = False,
     ) -> None:
         super().__init__()
-        self.foundation = Foundation(stiffness, load, positions)
-        features, outputs = 2 + 3 * len(stiffness), len(stiffness) + 2  # weights of b, then a, then the spread
+        self.foundation, self.constant = Foundation(stiffness, load, positions), constant
+        features = 2 + 3 * len(stiffness)
+        outputs = len(stiffness) + constant + 2  # weights of b, its constant, then a, then the spread
         self.register_buffer("centre", torch.zeros(features))
         self.register_buffer("scale", torch.ones(features))
         self.register_buffer("widening", torch.ones(()))  # of the spread, from data not trained on
@@ -62,7 +73,7 @@ class FoundationEnsemble(nn.Module):
         self.last_bias = nn.Parameter(torch.empty(members, outputs))
         if not self.first.is_meta:  # there arithmetic costs a second of imports, and nothing is kept
             nn.init.normal_(self.first, std=features**-0.5)
-            start = [0.9 / len(stiffness)] * len(stiffness) + [1.03, -0.9]
+            start = [0.9 / len(stiffness)] * len(stiffness) + [0.0] * constant + [1.03, -0.9]
             self.last_bias.data.copy_(torch.tensor(start))
         self.centre: Tensor
         self.scale: Tensor
@@ -109,9 +120,16 @@ class FoundationEnsemble(nn.Module):
         for row, unit in zip(self.last.unbind(1), hidden.unbind(1), strict=True):
             out = out + row[:, :, None] * unit[:, None]  # (M, K + 2, P)
         *weights, a, wide = out.unbind(1)
-        b = sum_in_order([weight * slope for weight, slope in zip(weights, slopes.T, strict=True)])
+        terms = self.slope_terms(slopes).T
+        b = sum_in_order([weight * term for weight, term in zip(weights, terms, strict=True)])
         # the spread grows with the roughness of both faces: it is learned per micrometre of it, in thousandths
         return a, b, 0.5 * (wide + (wide.square() + 1.0).sqrt()) * features[:, 0] + LEAST_SPREAD
+
+    def slope_terms(self, slopes: Tensor) -> Tensor:
+        """What the weights of b multiply: slopes of the foundations, and the unit of the constant if there is one."""
+        if not self.constant:
+            return slopes
+        return torch.cat([slopes, slopes.new_full((len(slopes), 1), CONSTANT_UNIT)], dim=1)
 
     def member_predictions(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Means and standard deviations of every member, (members, pairs, k) each."""
@@ -236,3 +254,30 @@ class LallemanCNN(nn.Module):
         columns = [self.dense(torch.cat([faces, column[:, None]], dim=1)) for column in scaled.T]
         mean = torch.cat(columns, dim=1) * self.range[2] + self.low[2]
         return mean, self.widening.expand_as(mean)
+
+
+class LallemanEnsemble(nn.Module):
+    """Networks of Lalleman et al. from several seeds: their mean, and how sure it is.
+
+    The variance is that of the validation pairs about the mean plus that of the members among themselves; the whole is
+    scaled on the validation pairs.
+
+    Args:
+        points: points of a wheel's face along its edge, n + 1.
+        filters: number of filters of each convolution.
+        members: number of networks.
+    """
+
+    def __init__(self, points: int, filters: tuple[int, ...], members: int) -> None:
+        super().__init__()
+        self.members = nn.ModuleList([LallemanCNN(points, filters) for _ in range(members)])
+        self.register_buffer("residual", torch.zeros(()))
+        self.register_buffer("widening", torch.ones(()))
+        self.residual: Tensor
+        self.widening: Tensor
+
+    def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
+        means = torch.stack([member(wheel, axle, micro)[0] for member in self.members])  # (M, P, k)
+        mean = means.mean(0)
+        return mean, self.widening * (self.residual.square() + (means - mean).square().mean(0)).sqrt()

@@ -42,8 +42,9 @@ def ensemble_descent(model: FoundationEnsemble, fit: Pairs, validation: Pairs) -
     weight /= weight.mean(1, keepdim=True)
     if len(weight) == 1:
         weight.fill_(1.0)
+    terms = model.slope_terms(slopes)
     with torch.no_grad():
-        model.last_bias[:, : slopes.shape[1]] = ridge_weights(slopes, fit.line()[1], weight / features[:, 0].square())
+        model.last_bias[:, : terms.shape[1]] = ridge_weights(terms, fit.line()[1], weight / features[:, 0].square())
     optimiser = torch.optim.AdamW(
         [
             {

@@ -15,7 +15,7 @@ from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 from ..errors import PredictionError
 from .checkpoint import Model, Provenance, load_checkpoint
-from .model import FoundationEnsemble, LallemanCNN
+from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from .shipped import NETWORK
 
 
@@ -119,7 +119,7 @@ class Predictor:
 
     @staticmethod
     def _one_by_one(
-        model: LallemanCNN, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor, micro: Tensor
+        model: LallemanCNN | LallemanEnsemble, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor, micro: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Predict pair by pair: the bits of matrix products depend on the place in a batch."""
         mean, spread = torch.empty(len(micro), 1), torch.empty(len(micro), 1)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from .checkpoint import Model
 from .dataset import Pairs
+from .model import LallemanEnsemble
 
 QUANTILE_90 = 1.645
 """Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
@@ -71,6 +72,12 @@ def score_network(model: Model, data: Pairs) -> Scores:
         by_bin=by_bin,
         coverage=float((wrong <= QUANTILE_90 * spread).float().mean()),
     )
+
+
+def measure_residual(model: LallemanEnsemble, validation: Pairs) -> None:
+    """Set the residual of an ensemble to the rms error of its mean on pairs it has not learned from."""
+    mean, _ = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+    model.residual.fill_(float((mean - validation.meso).square().mean().sqrt()))
 
 
 def calibrate_spread(model: Model, validation: Pairs) -> None:

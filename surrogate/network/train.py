@@ -10,6 +10,7 @@ uses pairs that had no part in either.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -27,10 +28,10 @@ from ..errors import TrainingError
 from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
 from .dataset import Faces, Pairs, pair_tensors, split_by_family
 from .descent import Curves, Descent, Watch, descend
-from .model import FoundationEnsemble
+from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from .objectives import cnn_descent, ensemble_descent
 from .resume import TrainingState
-from .score import Scores, calibrate_spread, score_network
+from .score import Scores, calibrate_spread, measure_residual, score_network
 
 STIFFNESS: dict[Faces, list[float]] = {"generated": [3e4, 1e5], "envelope": [3e5, 1.2e6]}
 """Stiffnesses of the foundations [N/mm3]; envelopes of spheres touch at fewer points, and stand on stiffer ones."""
@@ -44,15 +45,18 @@ FEWEST_PAIRS = 20
 """Pairs from which anything is learned."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trained:
     """A trained network, how it came about, and how well it does."""
 
     model: Model
     provenance: Provenance
     curves: Curves
+    """Loss by epoch; of the first member, where several were trained one after the other."""
     scores: Scores
     """Scores on the validation pairs."""
+    others: tuple[Curves, ...] = ()
+    """Curves of the other members."""
 
 
 def train_network(
@@ -64,6 +68,8 @@ def train_network(
     plates: Plates = STEEL,
     members: int = 8,
     width: int = 24,
+    constant: bool | None = None,
+    seeds: int = 1,
     points: int | None = None,
     epochs: int | None = None,
     device: str | None = None,
@@ -82,44 +88,84 @@ def train_network(
         plates: plates of the friction tests, from the header of the database.
         members: networks in the ensemble, of `energy`.
         width: hidden units of its perceptrons.
+        constant: `energy` has a constant in b; by default for plates with a speed, whose damping takes energy.
+        seeds: networks of `paper`, one after the other from `seed`, `seed` + 1 and so on; several make an ensemble.
         points: points of a wheel's face along its edge, a part of those of the samples; see `pair_tensors`.
         epochs: upper bound.
         device: device of torch; a GPU where there is one and it is left out.
-        resume: file for the state of the training, `SAVE_PERIOD_S` apart, which goes on from it if it is there and of
-            the same training, to the same bits. Removed at the end.
+        resume: file for the state of the training, from which the same one goes on to the same bits.
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: there are too few samples, values that are not finite, plates that are not of 1 mm, or
-            `points` that do not suit the samples.
+        TrainingError: too few samples, values that are not finite, plates not of 1 mm, unsuitable `points`.
     """
     fit, validation = _split_pairs(samples, faces, points, plates, seed)
     epochs = EPOCHS[architecture] if epochs is None else epochs
     device = device or ("cuda" if torch.cuda.is_available() else "cpu")
-    options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1])
+    options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1], members=seeds)
     if architecture == "energy":
-        options = EnsembleOptions(stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width)
-        _check_positions(options.positions, fit.wheel.shape[1])
+        options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
     key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
-    saved = TrainingState(resume, key)
+    count = options.members if isinstance(options, CNNOptions) else 1
+    states = [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
+    there = _on(device, fit), _on(device, validation)
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
-        torch.manual_seed(seed)
-        model = options.build_network().to(device)
-        there = _on(device, fit), _on(device, validation)
-        descent = _descent(model, *there)
-        curves = descend(model, descent, epochs, PATIENCE[architecture], saved, watch)
-    calibrate_spread(model.requires_grad_(False).eval().to("cpu"), validation)
-    scores = score_network(model, validation)
-    saved.remove()
+        trained = [_descended(options, there, seed + k, epochs, state, watch) for k, state in enumerate(states)]
+    model = _gathered(options, [member for member, _ in trained]).requires_grad_(False).eval().to("cpu")
+    scores = _judge(model, validation)
+    for state in states:
+        state.remove()
     about = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
-    return Trained(model, about, curves, scores)
+    curves, *others = (loss for _, loss in trained)
+    return Trained(model=model, provenance=about, curves=curves, scores=scores, others=tuple(others))
+
+
+def _descended(
+    options: EnsembleOptions | CNNOptions,
+    pairs: tuple[Pairs, Pairs],
+    seed: int,
+    epochs: int,
+    state: TrainingState,
+    watch: Watch | None,
+) -> tuple[Model, Curves]:
+    """What is trained at a time from a seed: an ensemble on foundations, or one convolutional network."""
+    torch.manual_seed(seed)
+    one = msgspec.structs.replace(options, members=1) if isinstance(options, CNNOptions) else options
+    model: Model = one.build_network().to(pairs[0].wheel.device)
+    architecture: Architecture = "paper" if isinstance(options, CNNOptions) else "energy"
+    return model, descend(model, _descent(model, *pairs), epochs, PATIENCE[architecture], state, watch)
+
+
+def _gathered(options: EnsembleOptions | CNNOptions, models: Sequence[Model]) -> Model:
+    """The network of the options, of the members that were trained."""
+    if len(models) == 1:
+        return models[0]
+    whole = options.build_network()
+    assert isinstance(whole, LallemanEnsemble)
+    for member, trained in zip(whole.members, models, strict=True):
+        member.load_state_dict(trained.state_dict())
+    return whole
+
+
+def _judge(model: Model, validation: Pairs) -> Scores:
+    """Scale the stated spread by the pairs held back, and score the network on them."""
+    if isinstance(model, LallemanEnsemble):
+        measure_residual(model, validation)
+    calibrate_spread(model, validation)
+    return score_network(model, validation)
+
+
+def _state_file(resume: Path | None, number: int) -> Path | None:
+    """The file for the state of a member's training."""
+    return resume if resume is None or not number else resume.with_name(f"{resume.name}.{number}")
 
 
 def _descent(model: Model, fit: Pairs, validation: Pairs) -> Descent:
     """The descent of an architecture."""
     if isinstance(model, FoundationEnsemble):
         return ensemble_descent(model, fit, validation)
+    assert isinstance(model, LallemanCNN)
     return cnn_descent(model, fit, validation)
 
 
@@ -148,10 +194,18 @@ def _check_pairs(data: Pairs) -> None:
             raise TrainingError(f"sample {int(bad.nonzero()[0, 0])}: {name} is not finite; make the database anew")
 
 
-def _check_positions(positions: int, points: int) -> None:
-    """Raise an error where the points of a face do not divide a slide into equal parts."""
-    if (points - 1) % (positions - 1):
-        raise TrainingError(f"faces of {points} points have no {positions} equal places of a slide")
+def _ensemble_options(
+    fit: Pairs, faces: Faces, plates: Plates, *, members: int, width: int, constant: bool | None
+) -> EnsembleOptions:
+    """Options of the ensemble on foundations; an error where the points of a face do not divide a slide equally."""
+    constant = plates.dynamic if constant is None else constant
+    options = EnsembleOptions(
+        stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant
+    )
+    points = fit.wheel.shape[1]
+    if (points - 1) % (options.positions - 1):
+        raise TrainingError(f"faces of {points} points have no {options.positions} equal places of a slide")
+    return options
 
 
 def _provenance(

@@ -33,7 +33,7 @@ from surrogate.network.checkpoint import (
 )
 from surrogate.network.dataset import LOWEST_ENVELOPE, pair_tensors, split_by_family, split_into_folds
 from surrogate.network.foundation import Foundation
-from surrogate.network.model import FoundationEnsemble, LallemanCNN
+from surrogate.network.model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from surrogate.network.objectives import contact_threshold
 from surrogate.network.score import predict_pairs
 from surrogate.network.train import Trained, train_network
@@ -339,6 +339,77 @@ def test_a_killed_training_goes_on_to_the_same_bits(
     assert (tmp_path / "0.safetensors").read_bytes() == (tmp_path / "1.safetensors").read_bytes()
     np.testing.assert_array_equal(whole.curves.training, resumed.curves.training)
     assert whole.curves.validation == resumed.curves.validation
+
+
+def shifted(constant: float) -> Samples:
+    """The same pairs, with as much more friction for all of them."""
+    return replace(SAMPLES, meso_friction=SAMPLES.meso_friction + constant)
+
+
+def test_a_constant_in_b_is_found_by_the_network_that_has_one(tmp_path: Path) -> None:
+    """0.042, as of plates at their resonance; without the constant the foundations' slopes cannot make it up."""
+    swinging = Plates(engine="explicit", speed=1e4)
+    found = train_network(shifted(0.042), plates=swinging, epochs=100, members=3)
+    lacking = train_network(shifted(0.042), plates=swinging, epochs=100, members=3, constant=False)
+    assert (found.scores.r2 > 0.95, lacking.scores.r2 < 0.5) == (True, True)
+    assert 0.88 <= found.scores.coverage <= 0.95
+    save_checkpoint(tmp_path / "c.safetensors", found.model, found.provenance)
+    model, about = load_checkpoint(tmp_path / "c.safetensors")
+    assert isinstance(model, FoundationEnsemble)
+    assert (model.constant, about.plates) == (True, swinging)
+    data = pair_tensors(SAMPLES)
+    expected, _ = predict_pairs(found.model, data.wheel, data.axle, data.micro)
+    assert torch.equal(predict_pairs(model, data.wheel, data.axle, data.micro)[0], expected)
+
+
+def test_slow_plates_have_no_constant(trained: Trained) -> None:
+    """Nor has a file of an earlier version, which does not name it."""
+    assert isinstance(trained.model, FoundationEnsemble)
+    assert trained.model.last_bias.shape == (3, 4)
+    old = msgspec.json.decode(b'{"architecture":"energy","stiffness":[1.0],"load":1.0}', type=EnsembleOptions)
+    assert not old.constant
+
+
+def test_several_seeds_of_the_papers_network_are_an_ensemble(tmp_path: Path) -> None:
+    """Each member is the network of its own seed on the common split; the mean is theirs, the spread was measured."""
+    whole = train_network(SAMPLES, "paper", epochs=3, seeds=3)
+    assert len(whole.others) == 2
+    assert len({curves.validation[-1] for curves in (whole.curves, *whole.others)}) == 3
+    save_checkpoint(tmp_path / "e.safetensors", whole.model, whole.provenance)
+    model, about = load_checkpoint(tmp_path / "e.safetensors")
+    assert isinstance(model, LallemanEnsemble)
+    assert (about.architecture, len(model.members)) == ("paper", 3)
+    data = pair_tensors(SAMPLES)
+    mean, spread = predict_pairs(model, data.wheel, data.axle, data.micro)
+    alone = train_network(SAMPLES, "paper", epochs=3).model
+    members = torch.stack([predict_pairs(m, data.wheel, data.axle, data.micro)[0] for m in model.members])
+    assert torch.equal(members[0], predict_pairs(alone, data.wheel, data.axle, data.micro)[0])
+    torch.testing.assert_close(mean, members.mean(0))
+    validation = data.take(split_by_family(SAMPLES)[1])
+    about_mean, stated = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+    inside = ((about_mean - validation.meso).abs() <= 1.645 * stated).float().mean()
+    assert 0.88 <= float(inside) <= 0.95
+    assert float(spread.std()) > 0.0  # larger where the members differ
+
+
+def test_a_killed_training_of_several_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.network.resume.SAVE_PERIOD_S", 0.0)
+    state = tmp_path / "m.state.safetensors"
+    seen: list[int] = []
+
+    def stop(epoch: int, training: float, validation: float) -> None:
+        seen.append(epoch)
+        if len(seen) == 4:  # in the second epoch of the second member
+            raise Stop
+
+    with pytest.raises(Stop):
+        train_network(SAMPLES, "paper", seeds=2, epochs=2, resume=state, watch=stop)
+    resumed = train_network(SAMPLES, "paper", seeds=2, epochs=2, resume=state, watch=stop)
+    assert seen == [1, 2, 1, 2]
+    assert list(tmp_path.iterdir()) == []
+    whole = train_network(SAMPLES, "paper", seeds=2, epochs=2)
+    weights = resumed.model.state_dict()
+    assert all(torch.equal(weights[name], value) for name, value in whole.model.state_dict().items())
 
 
 def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
