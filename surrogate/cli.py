@@ -14,11 +14,14 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.progress import launched
+from meso.presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from macrofit.base.farm import Farm
+
+    from .network.shipped import Shipped
 
 
 @click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
@@ -31,10 +34,27 @@ def main() -> None:
     few_threads()
 
 
-def numbers(kind: type[int] | type[float], most: int | None = None) -> Callable[..., tuple[Any, ...]]:
-    """A callback for numbers between commas, `most` at most."""
+preset_option = click.option(
+    "--preset", type=click.Choice(list(PRESETS)), default=DEFAULT, show_default=True,
+    help=f"The plates. {presets_line()}.",
+)  # fmt: skip
+network_option = click.option(
+    "-n", "--network", default="energy", show_default=True, metavar="FILE.safetensors|energy|cnn",
+    help="A network, or one of the two that come with the program for the preset.",
+)  # fmt: skip
 
-    def read(context: click.Context, option: click.Parameter, text: str) -> tuple[Any, ...]:
+
+def network_file(network: str, shipped: Shipped) -> Path:
+    """The file of a network that is named, or is a file."""
+    return {"energy": shipped.energy, "cnn": shipped.cnn}.get(network, Path(network))
+
+
+def numbers(kind: type[int] | type[float], most: int | None = None) -> Callable[..., Any]:
+    """A callback for numbers between commas, `most` at most; None where nothing is given."""
+
+    def read(context: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...] | None:
+        if text is None:
+            return None
         try:
             given = tuple(kind(part) for part in text.split(","))
         except ValueError:
@@ -49,30 +69,32 @@ def numbers(kind: type[int] | type[float], most: int | None = None) -> Callable[
 
 def count_or_coefficients(context: click.Context, option: click.Parameter, text: str) -> int | tuple[float, ...]:
     """A whole number, or numbers between commas."""
-    return int(text) if text.isdecimal() else numbers(float)(context, option, text)
+    given: int | tuple[float, ...] = int(text) if text.isdecimal() else numbers(float)(context, option, text)
+    return given
 
 
 @main.command()
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.h5", help="The database.")
 @click.option("--pairs", type=click.IntRange(1), required=True, help="Of surfaces, counted from the first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
-@click.option("--spheres", type=int, default=3000, show_default=True, help="In both plates together.")
+@preset_option
+@click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
 @set_option("the plates' settings")
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
     help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
 )  # fmt: skip
 @click.option(
-    "--max-height", callback=numbers(float, 2), default="0.005,0.04", show_default=True, metavar="LOW,HIGH",
-    help="Range R of the random heights [mm], log-uniform.",
+    "--max-height", callback=numbers(float, 2), metavar="LOW,HIGH",
+    help="Range R of the random heights [mm], log-uniform [0.005,0.04, or the preset's].",
 )  # fmt: skip
 @click.option(
-    "--levels", callback=numbers(int), default="3,4", show_default=True, metavar="N[,N...]",
-    help="Subdivisions: 2^n + 1 points along 1 mm.",
+    "--levels", callback=numbers(int), metavar="N[,N...]",
+    help="Subdivisions: 2^n + 1 points along 1 mm [3,4, or the preset's].",
 )  # fmt: skip
 @click.option(
-    "--hurst", callback=numbers(float, 2), default="0.5,1.0", show_default=True, metavar="LOW,HIGH",
-    help="Hurst exponent, uniform.",
+    "--hurst", callback=numbers(float, 2), metavar="LOW,HIGH",
+    help="Hurst exponent, uniform [0.5,1.0, or the preset's].",
 )  # fmt: skip
 @click.option("--packings", type=int, default=1, show_default=True, help="Of the same pair of surfaces.")
 @click.option("--first-surface", type=int, default=0, show_default=True, help="Seed of the first pair's surfaces.")
@@ -82,11 +104,12 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 def generate(
     path: Path,
     overrides: tuple[str, ...],
-    spheres: int,
+    preset: str,
+    spheres: int | None,
     jobs: int | None,
     quiet: bool,
-    max_height: tuple[float, ...],
-    hurst: tuple[float, ...],
+    max_height: tuple[float, ...] | None,
+    hurst: tuple[float, ...] | None,
     pairs: int,
     **options: Any,
 ) -> None:
@@ -99,13 +122,14 @@ def generate(
         if workers is None:
             return
         from .data.database import describe_database
-        from .data.design import Design
         from .data.generate import generate_samples as fill
         from .data.monitor import on_screen
-        from .data.sample import plate_settings
+        from .data.sample import design_on_preset, plate_settings
 
-        design = Design(max_height=(max_height[0], max_height[-1]), hurst_exponent=(hurst[0], hurst[-1]), **options)
-        settings = plate_settings((f"plates.spheres={spheres}", *overrides))
+        ranges = {"max_height": max_height, "hurst_exponent": hurst}
+        both = {name: given and (given[0], given[-1]) for name, given in ranges.items()}
+        design = design_on_preset(preset, **both, **options)
+        settings = plate_settings(([] if spheres is None else [f"plates.spheres={spheres}"]) + [*overrides], preset)
         try:
             fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
         except KeyboardInterrupt:
@@ -149,7 +173,7 @@ def ranks() -> MPI.Comm | None:
 
 
 @main.command()
-@click.argument("database", type=FILE, metavar="DB.h5")
+@click.argument("database", type=FILE, metavar="DB.h5|TABLE.csv")
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.safetensors", help="The network.")
 @click.option(
     "--architecture", type=click.Choice(["energy", "paper"]), default="energy", show_default=True,
@@ -162,6 +186,14 @@ def ranks() -> MPI.Comm | None:
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of split and start.")
 @click.option("--members", type=click.IntRange(1, 64), default=8, show_default=True, help="Of the ensemble (energy).")
 @click.option("--width", type=click.IntRange(1, 1024), default=24, show_default=True, help="Of its perceptrons.")
+@click.option(
+    "--constant/--no-constant", default=None,
+    help="b has a constant besides (energy) [where the plates have a speed].",
+)  # fmt: skip
+@click.option(
+    "--seeds", type=click.IntRange(1, 64), default=1, show_default=True,
+    help="Networks from this seed on; several are an ensemble, with an uncertainty (paper).",
+)  # fmt: skip
 @click.option("--points", type=click.IntRange(5), help="Of a face along 1 mm, such as 17 [those of the database].")
 @click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -171,7 +203,7 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
-    from .data.database import read_database
+    from .data.table import open_samples
     from .errors import TrainingError
     from .evaluation.curves import write_curves
     from .network.checkpoint import save_checkpoint
@@ -181,17 +213,18 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
     if not path.resolve().parent.is_dir():
         raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
-    found = read_database(database)
+    found = open_samples(database)
     resume = path.with_suffix(".state.safetensors")
     trained = fit(found.samples, plates=found.header.plates, resume=resume, **options)
     save_checkpoint(path, trained.model, trained.provenance)
     label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
-    written = [path, *write_curves(trained.curves, path.with_suffix(""), label)]
+    written = [path, *write_curves(trained.curves, path.with_suffix(""), label, trained.others)]
     if quiet:
         return
     about, scores = trained.provenance, trained.scores
     click.echo(
-        f"Learned from    {about.training} pairs, {about.validation} held back; kept epoch {trained.curves.best}"
+        f"Learned from    {about.training} pairs, {about.validation} held back; kept epoch "
+        f"{', '.join(str(curves.best) for curves in (trained.curves, *trained.others))}"
     )
     for low, high, count, error in scores.by_bin:
         click.echo(
@@ -205,7 +238,8 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
 
 @main.command()
 @click.argument("database", type=FILE, required=False, metavar="[DB.h5|TABLE.csv]")
-@click.option("-n", "--network", type=FILE, metavar="FILE.safetensors", help="The shipped one where it is left out.")
+@preset_option
+@network_option
 @click.option(
     "--beside", type=FILE, multiple=True, metavar="FILE.safetensors",
     help="Another network to show beside it; several may be given.",
@@ -213,50 +247,67 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
 @click.option(
     "-o", "--output", "folder", type=FILE, default="evaluation", show_default=True, help="For what it writes."
 )
-def evaluate(database: Path | None, network: Path | None, beside: tuple[Path, ...], folder: Path) -> None:
+def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Path, ...], folder: Path) -> None:
     """Judge a network by friction tests of surfaces it has never seen.
 
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
-    program; without any network, the shipped one with the paper's architecture beside it.
+    program for the preset; without any network, the shipped one with the paper's architecture beside it.
     """
     from .evaluation.report import evaluation_lines
     from .evaluation.run import evaluate_network
-    from .network.shipped import EVALUATION, NETWORK, PAPER
+    from .network.shipped import SHIPPED
 
-    if network is None and not beside:
-        beside = (PAPER,)
-    result, written = evaluate_network(database or EVALUATION, network or NETWORK, beside, folder)
+    shipped = SHIPPED[preset]
+    if network == "energy" and not beside:
+        beside = (shipped.cnn,)
+    result, written = evaluate_network(database or shipped.evaluation, network_file(network, shipped), beside, folder)
     for line in evaluation_lines(result):
         click.echo(line)
     click.echo(f"Wrote           {', '.join(map(str, written))}")
 
 
 @main.command()
-@click.option("-n", "--network", type=FILE, metavar="FILE.safetensors", help="The shipped one where it is left out.")
+@preset_option
+@network_option
 @click.option("--wheel", type=FILE, metavar="FILE", help="Heights of the wheel's face, 1 x 1 mm [mm] (.npy, .csv).")
 @click.option("--axle", type=FILE, metavar="FILE", help="Heights of the axle's face, 2 x 1 mm [mm].")
 @click.option("--wheel-seed", type=click.IntRange(0), default=1, show_default=True, help="Where no file is given.")
 @click.option("--axle-seed", type=click.IntRange(0), default=2, show_default=True, help="Where no file is given.")
-@click.option("--max-height", type=float, default=0.02, show_default=True, help="Range R of the random heights [mm].")
-@click.option("--levels", type=int, default=3, show_default=True, help="Subdivisions: 2^n + 1 points along 1 mm.")
-@click.option("--hurst-exponent", type=float, default=0.8, show_default=True, help="From 0 (rough) to 1 (smooth).")
+@click.option("--max-height", type=float, help="Range R of the random heights [mm] [0.02, or the preset's].")
+@click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm [3, or the preset's].")
+@click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth) [0.8, or the preset's].")
 @click.option(
     "--micro-friction", callback=numbers(float), default="0.03,0.05,0.07,0.09", show_default=True,
     metavar="MU[,MU...]", help="Coefficients of sphere on sphere.",
 )  # fmt: skip
 @click.option("-o", "--output", "target", type=FILE, metavar="FILE.png|FILE.csv", help="Figure, or a table.")
-def predict(network: Path | None, target: Path | None, micro_friction: tuple[float, ...], **options: Any) -> None:
+def predict(
+    preset: str,
+    network: str,
+    target: Path | None,
+    micro_friction: tuple[float, ...],
+    max_height: float | None,
+    levels: int | None,
+    hurst_exponent: float | None,
+    **options: Any,
+) -> None:
     """Predict the meso coefficient of a pair of rough faces, from their seeds or from files.
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
+    from msgspec.structs import asdict
+
     from .evaluation.prediction import prediction_lines, write_prediction
     from .network.predict import Predictor
+    from .network.shipped import SHIPPED
     from .pair import predict_pair
+    from .provider import SurfaceOptions
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
-    pair = predict_pair(Predictor(network), micro_friction, **options)
+    surface = SurfaceOptions(levels=levels, max_height=max_height, hurst_exponent=hurst_exponent).on_preset(preset)
+    predictor = Predictor(network_file(network, SHIPPED[preset]))
+    pair = predict_pair(predictor, micro_friction, **asdict(surface), **options)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")
     for line in prediction_lines(pair):
@@ -272,10 +323,10 @@ def predict(network: Path | None, target: Path | None, micro_friction: tuple[flo
 def table(database: Path, path: Path) -> None:
     """Write a database as a table of text: all but the heights, which follow from the seeds."""
     from .data.database import read_database
-    from .data.table import write_table
+    from .data.table import TABLES, write_table
 
-    if path.suffix != ".csv":
-        raise click.UsageError(f"--output {path}: give a name that ends in .csv")
+    if not path.name.endswith(TABLES):
+        raise click.UsageError(f"--output {path}: give a name that ends in {' or '.join(TABLES)}")
     found = read_database(database)
     write_table(found, path)
     click.echo(f"Wrote           {path}: {len(found.samples)} samples, {path.stat().st_size / 1e3:.0f} kB")

@@ -15,6 +15,7 @@ from macrofit.base.provenance import version
 from meso.coefficient_cache import code
 from meso.errors import MesoError
 from meso.friction_test import run
+from meso.presets import DEFAULT, preset_tables
 from meso.settings import Settings, dump
 from meso.settings import load as load_settings
 
@@ -74,24 +75,36 @@ def design_tasks(design: Design, settings: Settings, pairs: int, header: Header)
             yield Task(design.packings * pair + packing, changed, header)
 
 
-def plate_settings(overrides: Iterable[str] = ()) -> Settings:
-    """Read settings of the plates, changed by `key=value` with dotted keys that are not the design's.
+def plate_settings(overrides: Iterable[str] = (), preset: str = DEFAULT) -> Settings:
+    """Read settings of the plates: a preset's, changed by `key=value` with dotted keys that are not the design's.
 
     Raises:
         DesignError: naming the key.
     """
     overrides = tuple(overrides)
     try:
-        settings = load_settings(None, overrides)
+        settings, plain = load_settings(None, overrides, preset), load_settings(None, (), preset)
     except MesoError as error:
         raise DesignError(f"--set {error}") from None
     named = {override.partition("=")[0].strip() for override in overrides}
-    plain = Settings()
     for key, instead in KEYS_OF_DESIGN.items():
         table, _, name = key.partition(".")
         if key in named or getattr(getattr(settings, table), name) != getattr(getattr(plain, table), name):
             raise DesignError(f"--set {key}: leave it out, {instead}")
     return settings
+
+
+def design_on_preset(preset: str, **options: Any) -> Design:
+    """The design of these options; ranges of the surfaces that are left out (None) are a preset's, or the defaults.
+
+    A preset with one roughness has a range of one value.
+    """
+    surface = preset_tables(preset).get("surface", {})
+    ranges: dict[str, Any] = {}
+    if surface:
+        height, exponent = surface["max_height"], surface["hurst_exponent"]
+        ranges = {"max_height": (height,) * 2, "levels": (surface["levels"],), "hurst_exponent": (exponent,) * 2}
+    return Design(**ranges | {key: value for key, value in options.items() if value is not None})
 
 
 def header_of(design: Design, settings: Settings) -> Header:

@@ -4,14 +4,16 @@
     id,wheel_seed,axle_seed,packing_seed,levels,max_height,hurst_exponent,micro_friction,meso_friction,...
 
 It leaves out the heights. Generated faces follow from their seeds when it is read; envelopes of spheres do not, for
-they need the plates. The SHA-256 is of all that follows the first line.
+they need the plates. The SHA-256 is of all that follows the first line. A name that ends in .csv.gz is compressed.
 """
 
 from __future__ import annotations
 
 import csv
+import gzip
 import hashlib
 import io
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ import msgspec
 import numpy as np
 
 from macrofit.base.errors import OutputError
-from macrofit.base.files import read_regular, replacing
+from macrofit.base.files import in_bytes, read_regular, replacing
 
 from ..errors import DatabaseError
 from .database import Database, read_database
@@ -29,6 +31,8 @@ from .samples import Header, Samples
 MOST_BYTES = 200_000_000
 """Size of a table; one of a million samples has about as much."""
 SIGNATURE = "# macrofit-surrogate table "
+TABLES = (".csv", ".csv.gz")
+"""Endings of names of tables."""
 HEIGHTS = ("wheel", "axle", "wheel_envelope", "axle_envelope")
 """Fields of a sample that a table leaves out."""
 
@@ -57,8 +61,9 @@ def write_table(database: Database, path: Path) -> None:
             rows.writerow(_as_text(column[i, k] if column.ndim == 2 else column[i]) for column in columns.values())
     body = text.getvalue().encode()
     about = _About(header, database.content_hash, hashlib.sha256(body).hexdigest())
+    whole = SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body
     with replacing(path) as draft:
-        draft.write_bytes(SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body)
+        draft.write_bytes(gzip.compress(whole, mtime=0) if path.suffix == ".gz" else whole)
 
 
 def read_table(path: Path) -> Database:
@@ -68,7 +73,7 @@ def read_table(path: Path) -> Database:
         DatabaseError: there is no such file, or it is foreign, damaged or changed.
     """
     try:
-        first, _, body = read_regular(path, MOST_BYTES).partition(b"\n")
+        first, _, body = _read_text(path).partition(b"\n")
     except OutputError as error:
         raise DatabaseError(str(error)) from None
     if not first.startswith(SIGNATURE.encode()):
@@ -84,12 +89,32 @@ def read_table(path: Path) -> Database:
 
 
 def open_samples(path: Path) -> Database:
-    """Read a database, or where the name ends in .csv a table of one.
+    """Read a database, or where the name ends in .csv or .csv.gz a table of one.
 
     Raises:
         DatabaseError: as `read_database` and `read_table`.
     """
-    return read_table(path) if path.suffix == ".csv" else read_database(path)
+    return read_table(path) if path.name.endswith(TABLES) else read_database(path)
+
+
+def _read_text(path: Path) -> bytes:
+    """The text of a table, which may be compressed.
+
+    Raises:
+        OutputError: it cannot be read, or is larger than `MOST_BYTES`.
+        DatabaseError: it is no whole compressed file.
+    """
+    stored = read_regular(path, MOST_BYTES)
+    if path.suffix != ".gz":
+        return stored
+    unpacker = zlib.decompressobj(wbits=31)
+    try:
+        text = unpacker.decompress(stored, MOST_BYTES)
+    except zlib.error as error:
+        raise DatabaseError(f"{path}: is no compressed table of samples, or a damaged one ({error})") from None
+    if not unpacker.eof:
+        raise DatabaseError(f"{path}: is cut short, or holds more than {in_bytes(MOST_BYTES)}; get it anew")
+    return text
 
 
 def _as_text(value: Any) -> str:

@@ -28,6 +28,12 @@ def relative_errors(data: MeasuredPairs, predicted: PredictedPairs) -> tuple[Flo
     return one, np.abs(predicted.mean.mean(1) - mean) / np.abs(mean)
 
 
+def coefficient_r2(data: MeasuredPairs, predicted: PredictedPairs, k: int) -> float:
+    """R2 of the coefficient at the micro coefficient numbered k, against the mean over packings."""
+    true, said = data.meso[..., k].mean(1), predicted.mean[..., k].mean(1)
+    return float(1.0 - np.sum((said - true) ** 2) / np.sum((true - true.mean()) ** 2))
+
+
 def slope_r2(data: MeasuredPairs, predicted: PredictedPairs) -> float:
     """R2 of b in mu = a mu_micro + b against each packing; b through the ends of the micro coefficients."""
 

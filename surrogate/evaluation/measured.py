@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
+from ..data.plates import Plates
 from ..data.samples import Samples
 from ..errors import EvaluationError
 from ..network.checkpoint import Provenance
@@ -100,6 +102,17 @@ def require_unseen(samples: Samples, provenance: Provenance) -> None:
                 f"{what}s of seed {known[0]} and others ({known.size} of {every.size}) were learned from: "
                 f"generate with {option} beyond {high}"
             )
+
+
+def require_same_plates(database: Path, plates: Plates, provenance: Provenance) -> None:
+    """Refuse friction tests of other plates than a network has learned from.
+
+    Raises:
+        EvaluationError: naming the keys.
+    """
+    others = provenance.plates.unlike(plates)
+    if others:
+        raise EvaluationError(f"{database}: is of other plates than the network has learned from: {'; '.join(others)}")
 
 
 def select_samples(samples: Samples, rows: IntArray) -> Samples:

@@ -59,6 +59,12 @@ def constant_ratio(data: MeasuredPairs) -> PredictedPairs:
     return PredictedPairs("constant ratio", np.broadcast_to(c * data.micro, data.meso.shape))
 
 
+def mean_line(data: MeasuredPairs) -> PredictedPairs:
+    """Predict for all pairs the straight line that fits these very pairs best in the mean square."""
+    a, b = np.polyfit(data.micro, data.meso.mean(axis=(0, 1)), 1)
+    return PredictedPairs("mean line", np.broadcast_to(a * data.micro + b, data.meso.shape))
+
+
 def foundation_alone(data: MeasuredPairs, faces: Faces, load: float) -> PredictedPairs:
     """Predict mu_micro + b with b of an elastic foundation: nothing is learned."""
     tensors = _faces(data, faces)

@@ -21,7 +21,8 @@ def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
     at = result["by_micro_friction"].get("0.07")
     if at is not None:
         lines.append(
-            f"At 0.07         {_percent(at)} against one packing, {_percent(at, '_all_packings')} against the mean"
+            f"At 0.07         {_percent(at)} against one packing, {_percent(at, '_all_packings')} against the mean, "
+            f"R2 {at['r2_all_packings']:.3f}"
         )
     if "coverage_90" in result:
         lines.append(f"Inside 90 %     {100 * result['coverage_90']:.0f} % of all runs")

@@ -14,9 +14,9 @@ from macrofit.base.files import write_json
 from ..data.table import open_samples
 from ..network.checkpoint import load_checkpoint
 from . import plots
-from .errors import coverage, relative_errors, slope_r2
-from .measured import MeasuredPairs, arrange_tests, require_unseen
-from .predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
+from .errors import coefficient_r2, coverage, relative_errors, slope_r2
+from .measured import MeasuredPairs, arrange_tests, require_same_plates, require_unseen
+from .predicted import PredictedPairs, constant_ratio, foundation_alone, mean_line, predict_tests
 
 
 def evaluate_network(
@@ -36,17 +36,20 @@ def evaluate_network(
     Raises:
         DatabaseError: the friction tests cannot be read.
         CheckpointError: a network cannot be read.
-        EvaluationError: as `require_unseen` and `arrange_tests`.
+        EvaluationError: as `require_unseen`, `require_same_plates` and `arrange_tests`.
         OutputError: the folder cannot be written.
     """
     found = open_samples(database)
     judged = [load_checkpoint(path) for path in (network, *compared)]
+    plates = found.header.plates
     for _, origin in judged:
         require_unseen(found.samples, origin)
+        require_same_plates(database, plates, origin)
     data = arrange_tests(found.samples)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)
-    others = [foundation_alone(data, provenance.faces, found.header.plates.load)]
+    others = [mean_line(data)] if plates.dynamic else []  # a foundation has no loss
+    others = others or [foundation_alone(data, provenance.faces, plates.load)]
     others += [predict_tests(another, origin, data) for another, origin in more]
     others = [dataclasses.replace(one, name=name) for one, name in zip(others, _distinct(others), strict=True)]
     about = {"network": network.name, "architecture": predicted.name, "faces": provenance.faces}
@@ -110,7 +113,7 @@ def _measures(data: MeasuredPairs, predicted: PredictedPairs, k: int | None = No
         of_pair, of_mean, r2 = one.mean(axis=(1, 2)), all_packings.mean(1), {"r2_b": slope_r2(data, predicted)}
     else:
         one, all_packings = one[..., k], all_packings[:, k]
-        of_pair, of_mean, r2 = one.mean(1), all_packings, {}
+        of_pair, of_mean, r2 = one.mean(1), all_packings, {"r2_all_packings": coefficient_r2(data, predicted, k)}
     return {
         "mean_relative_error": float(one.mean()),
         "standard_error": float(of_pair.std(ddof=1) / np.sqrt(len(of_pair))),
