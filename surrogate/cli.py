@@ -241,6 +241,10 @@ def evaluate(database: Path | None, network: Path | None, beside: tuple[Path, ..
 @click.option("--levels", type=int, default=3, show_default=True, help="Subdivisions: 2^n + 1 points along 1 mm.")
 @click.option("--hurst-exponent", type=float, default=0.8, show_default=True, help="From 0 (rough) to 1 (smooth).")
 @click.option(
+    "--form", type=click.Choice(["strip", "tiles", "levelled"]), default="strip", show_default=True,
+    help="Pieces of a strip, tiles by themselves, or those without their mean plane.",
+)  # fmt: skip
+@click.option(
     "--micro-friction", callback=numbers(float), default="0.03,0.05,0.07,0.09", show_default=True,
     metavar="MU[,MU...]", help="Coefficients of sphere on sphere.",
 )  # fmt: skip

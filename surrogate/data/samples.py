@@ -14,6 +14,7 @@ import numpy.typing as npt
 from macrofit.base.arrays import FloatArray, HeightArray, IntArray
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 from macrofit.base.toml import TomlError, parse_toml
+from meso.settings import FaceKeys
 
 from ..errors import DatabaseError
 
@@ -37,6 +38,10 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """Young's modulus [MPa]."""
     poisson_ratio: float = POISSON_RATIO
     """Poisson's ratio [-]."""
+    form: str = "tiles"
+    """Form of the faces: pieces of strips, or tiles by themselves; older files do not say it."""
+    lay: str = "isotropic"
+    """Lay of the faces."""
 
     @property
     def load(self) -> float:
@@ -73,8 +78,23 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         try:
             tables = parse_toml(self.settings, "settings")
             where = {"spheres": "plates", "edge": "plates", "slide": "load", "pressure": "load"}
-            keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__}
-            return msgspec.convert(keys, Plates)
+            said = {"form": self.surface.form, "lay": self.surface.lay}
+            keys = {key: tables[where.get(key, "material")][key] for key in Plates.__struct_fields__ if key not in said}
+            return msgspec.convert(keys | said, Plates)
+        except (TomlError, KeyError, msgspec.ValidationError) as error:
+            raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
+
+    @property
+    def surface(self) -> FaceKeys:
+        """How the faces were made, but for what the design varies; older settings know tiles by themselves alone.
+
+        Raises:
+            DatabaseError: as `plates`.
+        """
+        try:
+            table = parse_toml(self.settings, "settings")["surface"]
+            keys = {key: value for key, value in table.items() if not key.endswith("_seed")}
+            return msgspec.convert({"form": "tiles"} | keys, FaceKeys)
         except (TomlError, KeyError, msgspec.ValidationError) as error:
             raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 

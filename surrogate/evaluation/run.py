@@ -42,7 +42,7 @@ def evaluate_network(
     found = open_samples(database)
     judged = [load_checkpoint(path) for path in (network, *compared)]
     for _, origin in judged:
-        require_unseen(found.samples, origin)
+        require_unseen(found.samples, origin, found.header.surface.form)
     data = arrange_tests(found.samples)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)
