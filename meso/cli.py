@@ -105,7 +105,9 @@ def run(
 @click.option("--max-height", type=float, help="Range R of the random heights of Diamond-Square [mm].")
 @click.option("--rms-height", type=float, help="Sq of the self-affine generator [mm].")
 @click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth).")
-@click.option("--seed", type=int, help="Of the random heights.")
+@click.option("--form", type=click.Choice(["strip", "tiles", "levelled"]), help="A piece of a strip, or a tile.")
+@click.option("--lay", type=click.Choice(["isotropic", "turned", "ground"]), help="Of grooves or scratches.")
+@click.option("--seed", type=int, help="Of the random heights; of a strip, 65536 times its number plus the place.")
 @click.option("--generator", type=click.Choice(["diamond_square", "self_affine"]), help="How the heights are made.")
 @set_settings
 @preset_option
@@ -121,9 +123,9 @@ def surface(
 
     What is not given is as in a run without settings: the face is the very one of its plate.
     """
-    from .plates import rough_face
     from .results.folder import check_surface_file, write_surface
     from .results.summary import roughness_line
+    from .surfaces.face import rough_face
 
     for target in targets:
         check_surface_file(target)

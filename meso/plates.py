@@ -19,19 +19,9 @@ from .lattice.lattice import Lattice, build, join, turned_over
 from .material import Beams
 from .packing.cache import flat_packing
 from .packing.pack import Packing, morph
-from .settings import Settings, SurfaceKeys
-from .surfaces.surface import Body, Surface, diamond_square, face_generator, self_affine
-
-
-def rough_face(keys: SurfaceKeys, body: Body, seed: int, size: tuple[float, float]) -> Surface:
-    """The surface of this seed on the plate of a body, `size` mm."""
-    rng = face_generator(body, seed)
-    if keys.generator == "diamond_square":
-        return diamond_square(
-            rng, levels=keys.levels, max_height=keys.max_height, hurst_exponent=keys.hurst_exponent, size=size
-        )
-    shape = (round(size[0] * 2**keys.levels) + 1, round(size[1] * 2**keys.levels) + 1)
-    return self_affine(rng, shape=shape, rms_height=keys.rms_height, hurst_exponent=keys.hurst_exponent, size=size)
+from .settings import Settings
+from .surfaces.face import rough_face
+from .surfaces.surface import Body
 
 
 def beams_of(settings: Settings) -> Beams:

@@ -26,7 +26,13 @@ PRESETS: dict[str, Preset] = {
         "plates of 1000 spheres on beams as printed by Lalleman et al., slid near the resonance of these beams: one "
         "reading of the paper, in which a micro coefficient of 0.07 gives 0.11",
         {
-            "surface": {"generator": "diamond_square", "levels": 3, "max_height": 0.04, "hurst_exponent": 0.8},
+            "surface": {
+                "form": "tiles",
+                "generator": "diamond_square",
+                "levels": 3,
+                "max_height": 0.04,
+                "hurst_exponent": 0.8,
+            },
             "plates": {"spheres": 1000, "thickness": 0.4, "external_face": "beams", "external_modulus": "paper"},
             "load": {"pressure": 170.0},
             "engine": {"name": "explicit", "speed": 10_000.0},

@@ -27,11 +27,22 @@ Height: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Coefficient: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
 
 
-class SurfaceKeys(Keys, frozen=True):
-    """Both rough faces; the two differ by their seeds."""
+POINTS_OF_A_GROOVE = 4
+"""Least number of spacings in a groove [-]."""
+MOST_POINTS_OF_A_ROLL_OFF = 2048
+"""Largest number of spacings in a roll-off wavelength: the transforms of longer ones fill the memory [-]."""
 
-    wheel_seed: Annotated[Seed, told("Seed of the random heights of the wheel's face.")] = 1
-    axle_seed: Annotated[Seed, told("Seed of the random heights of the axle's face.")] = 2
+
+class FaceKeys(Keys, frozen=True):
+    """How a rough face is made, whatever its seed."""
+
+    form: Annotated[
+        Literal["strip", "tiles", "levelled"],
+        told(
+            "A piece of one continuous roughness along the body; each tile by itself; or so, without its mean plane. "
+            "On a strip a seed is 65536 times its number, plus the place in tiles."
+        ),
+    ] = "strip"
     generator: Annotated[
         Literal["diamond_square", "self_affine"], told("How the heights are made: Diamond-Square, or from a spectrum.")
     ] = "diamond_square"
@@ -41,6 +52,47 @@ class SurfaceKeys(Keys, frozen=True):
     hurst_exponent: Annotated[
         float, told("Hurst exponent, from 0 (rough) to 1 (smooth) [-]."), msgspec.Meta(ge=0.0, le=1.0)
     ] = 0.8
+    roll_off: Annotated[
+        float, told("Self-affine strip: wavelength above which the spectrum is flat [mm]."),
+        msgspec.Meta(ge=0.01, le=4.0),
+    ] = 0.8  # fmt: skip
+    lay: Annotated[
+        Literal["isotropic", "turned", "ground"],
+        told("None; grooves around the body, across the slide; or scratches drawn out so."),
+    ] = "isotropic"
+    feed: Annotated[Positive, told("Turned: distance of the grooves along the slide [mm].")] = 0.25
+    groove_depth: Annotated[
+        Height, told("Turned: depth of the grooves [mm], feed^2 / (8 nose radius); the rest is random.")
+    ] = 0.008
+    anisotropy: Annotated[
+        float, told("Ground: wavelengths around the body over those along it [-]."), msgspec.Meta(ge=1.0, le=1000.0)
+    ] = 8.0
+
+    def check(self, width: float) -> None:
+        """Check that the grid of a face of this width [mm] holds what is asked for.
+
+        Raises:
+            SettingsError: grooves too narrow for it, or a roll-off too long.
+        """
+        whole = self.generator == "diamond_square"
+        cells = 2**self.levels if whole else max(2, round(width * 2**self.levels))  # across the width
+        if self.lay == "turned" and self.feed * cells < POINTS_OF_A_GROOVE * width * (1.0 - 1e-9):
+            raise SettingsError(
+                f"surface.feed = {self.feed:g} mm is less than {POINTS_OF_A_GROOVE} spacings of {width / cells:g} mm: "
+                "take a larger feed or more surface.levels"
+            )
+        if not whole and self.form == "strip" and self.roll_off * cells > MOST_POINTS_OF_A_ROLL_OFF * width:
+            raise SettingsError(
+                f"surface.roll_off = {self.roll_off:g} mm is more than {MOST_POINTS_OF_A_ROLL_OFF} spacings of "
+                f"{width / cells:g} mm: take a shorter one or fewer surface.levels"
+            )
+
+
+class SurfaceKeys(FaceKeys, frozen=True):
+    """Both rough faces; the two differ by their seeds."""
+
+    wheel_seed: Annotated[Seed, told("Seed of the random heights of the wheel's face.")] = 1
+    axle_seed: Annotated[Seed, told("Seed of the random heights of the axle's face.")] = 2
 
 
 class PlateKeys(Keys, frozen=True):
@@ -171,6 +223,7 @@ class Settings(Keys, frozen=True):
         Raises:
             SettingsError: naming the key, its value and what to take.
         """
+        self.surface.check(self.plates.edge)
         for table in (self.plates, self.load, self.engine):
             table.check()
         if self.load.interference is not None and self.load.interference > 0.3 * self.plates.thickness:

@@ -14,7 +14,7 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.progress import launched
-from meso.presets import DEFAULT, PRESETS, presets_line
+from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -277,6 +277,10 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
 @click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm [3, or the preset's].")
 @click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth) [0.8, or the preset's].")
 @click.option(
+    "--form", type=click.Choice(["strip", "tiles", "levelled"]),
+    help="Pieces of a strip, tiles by themselves, or those without their mean plane [strip, or the preset's].",
+)  # fmt: skip
+@click.option(
     "--micro-friction", callback=numbers(float), default="0.03,0.05,0.07,0.09", show_default=True,
     metavar="MU[,MU...]", help="Coefficients of sphere on sphere.",
 )  # fmt: skip
@@ -289,6 +293,7 @@ def predict(
     max_height: float | None,
     levels: int | None,
     hurst_exponent: float | None,
+    form: str | None,
     **options: Any,
 ) -> None:
     """Predict the meso coefficient of a pair of rough faces, from their seeds or from files.
@@ -297,17 +302,20 @@ def predict(
     """
     from msgspec.structs import asdict
 
+    from meso.settings import decode
+
     from .evaluation.prediction import prediction_lines, write_prediction
     from .network.predict import Predictor
     from .network.shipped import SHIPPED
     from .pair import predict_pair
-    from .provider import SurfaceOptions
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
-    surface = SurfaceOptions(levels=levels, max_height=max_height, hurst_exponent=hurst_exponent).on_preset(preset)
+    given = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent, "form": form}
+    tables = on_preset(preset, {"surface": {key: value for key, value in given.items() if value is not None}})
+    surface = asdict(decode({"surface": tables["surface"]}).surface)
     predictor = Predictor(network_file(network, SHIPPED[preset]))
-    pair = predict_pair(predictor, micro_friction, **asdict(surface), **options)
+    pair = predict_pair(predictor, micro_friction, **{key: surface[key] for key in given}, **options)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")
     for line in prediction_lines(pair):

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
+from meso.settings import FaceKeys
 
 from .data.faces import generated_face, read_face, rms_height
 from .errors import PredictionError
-from .network.checkpoint import outside_training
+from .network.checkpoint import Provenance, outside_training
 from .network.predict import Predictor
 from .network.score import QUANTILE_90
+
+Form: TypeAlias = Literal["strip", "tiles", "levelled"]
 
 if TYPE_CHECKING:
     from meso.surfaces.surface import Body
@@ -62,6 +64,7 @@ def predict_pair(
     max_height: float,
     levels: int,
     hurst_exponent: float,
+    form: Form = "strip",
 ) -> PairPrediction:
     """Make or read two faces, and predict the coefficients of their friction.
 
@@ -75,6 +78,7 @@ def predict_pair(
         max_height: R of generated faces [mm].
         levels: subdivisions of generated faces.
         hurst_exponent: H of generated faces [-].
+        form: of generated faces; of strips a seed is 65536 times its number plus the place on it.
 
     Raises:
         PredictionError: a file or a key that gives no face; a network of envelopes.
@@ -84,7 +88,7 @@ def predict_pair(
         raise PredictionError(f"--micro-friction {micro_friction}: take numbers from 0 to 2")
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
-    keys = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent}
+    keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
     faces = [
         _face("wheel", wheel, wheel_seed, about.points, keys),
         _face("axle", axle, axle_seed, about.points, keys),
@@ -94,7 +98,7 @@ def predict_pair(
     for face, (body, file) in zip(faces, files, strict=True):
         findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
     if wheel is None or axle is None:
-        findings += outside_training(about, **keys)
+        findings += other_faces(about, keys)
     highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
     if (wheel is not None or axle is not None) and highest > 1.5e3 * about.max_height[1]:
         findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
@@ -111,6 +115,29 @@ def predict_pair(
         in_contact=bool(answer.in_contact.all()),
         outside=findings,
     )
+
+
+def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
+    """Which generated faces lie outside what the network has seen, in words.
+
+    Of Diamond-Square its range R is compared, of the self-affine generator the rms height with that of the faces seen.
+    The form is not: the network sees the faces themselves, and those of strips are as steep as tiles by themselves.
+
+    Args:
+        provenance: what the network was trained on.
+        keys: how the faces are made.
+    """
+    shape = {"levels": keys.levels, "hurst_exponent": keys.hurst_exponent}
+    if keys.generator == "diamond_square":
+        findings = outside_training(provenance, max_height=keys.max_height, **shape)
+    else:
+        findings = outside_training(provenance, **shape)
+        low, high = SMOOTHEST * min(provenance.max_height), ROUGHEST * max(provenance.max_height)
+        if not low <= keys.rms_height <= high:
+            findings.append(f"rms_height = {keys.rms_height:g} is outside {low:.2g} ... {high:.2g}")
+    if keys.lay != provenance.plates.lay:
+        findings.append(f"lay = '{keys.lay}' is not '{provenance.plates.lay}'")
+    return findings
 
 
 def _outside_heights(face: HeightArray, body: Body, file: Path, learned: tuple[float, float]) -> list[str]:
@@ -134,6 +161,6 @@ def _outside_heights(face: HeightArray, body: Body, file: Path, learned: tuple[f
     return [f"the {body}'s face is {'smoother' if rms < low else 'rougher'} than any learned from: {told}"]
 
 
-def _face(body: Body, file: Path | None, seed: int, points: int, keys: Mapping[str, Any]) -> HeightArray:
+def _face(body: Body, file: Path | None, seed: int, points: int, keys: FaceKeys) -> HeightArray:
     """A face from its file, or from its seed where there is none."""
-    return generated_face(body, seed, **keys, points=points) if file is None else read_face(file, body, points)
+    return generated_face(body, seed, keys, points) if file is None else read_face(file, body, points)

@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 
 from macrofit.base.arrays import HeightArray
+from macrofit.base.keys import KeyMistake, decode_tables
 from macrofit.friction import (
     BuildContext,
     FloatArray,
@@ -38,9 +39,9 @@ from macrofit.friction import (
     load,
 )
 from meso.errors import SettingsError
-from meso.presets import DEFAULT, PRESETS, on_preset, preset_tables
-from meso.settings import SurfaceKeys, decode
-from meso.surfaces.surface import LEVELS, Body, tile_seed
+from meso.presets import DEFAULT, PRESETS, on_preset
+from meso.settings import FaceKeys, decode
+from meso.surfaces.surface import Body, tile_seed
 
 from .data.plates import Plates
 from .errors import SurrogateError
@@ -55,36 +56,22 @@ LARGEST_FRICTION = math.nextafter(2.0, 0.0)
 """Largest coefficient that the contract accepts [-]."""
 
 
-class SurfaceOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Diamond-Square surfaces of both bodies, with the keys of the provider `dem`; None: as of the plates' preset."""
+class _Faces(msgspec.Struct, frozen=True):
+    """The one table of keys among the options."""
 
-    levels: int | None = None
-    """n: 2^n + 1 points along a tile."""
-    max_height: float | None = None
-    """R [mm]: corners and noise lie in [-R/2, R/2]."""
-    hurst_exponent: float | None = None
-    """Hurst exponent H [-]."""
-
-    def on_preset(self, preset: str) -> SurfaceOptions:
-        """The same, with nothing left out.
-
-        Raises:
-            SettingsError: there is no preset of this name.
-        """
-        plain, given = SurfaceKeys(), preset_tables(preset).get("surface", {})
-        keys = {key: given.get(key, getattr(plain, key)) for key in self.__struct_fields__}
-        own = {key: value for key, value in msgspec.structs.asdict(self).items() if value is not None}
-        return SurfaceOptions(**{**keys, **own})
+    surface: FaceKeys
 
 
 class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Coefficients of friction that a network predicts from the two rough surfaces of a pair of tiles.
 
     The network answers for the inputs it has seen: heights, levels, exponents and micro coefficients as its provenance
-    tells, tiles of 1 mm, steel. `fallback` says what happens outside of these: "error" refuses the run; "dem" makes
-    the provider `dem` answer in its place, with the same surfaces; "warning" predicts anyway. With "dem", single
-    pairs that are predicted to lose contact along the slide go to that provider too. As with `dem`, the pair's own
-    pressure is not used.
+    tells, its lay, tiles of 1 mm, steel. It sees the two faces of a pair, whatever they were cut from: one that learned
+    from tiles by themselves is asked about those of strips too, and the other way round.
+
+    `fallback` says what happens outside of these: "error" refuses the run; "dem" makes the provider `dem` answer in
+    its place, with the same surfaces; "warning" predicts anyway. With "dem", single pairs that are predicted to lose
+    contact along the slide go to that provider too. As with `dem`, the pair's own pressure is not used.
 
     Raises:
         ProviderError: an option that is unknown or refused, by its key.
@@ -94,8 +81,8 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """Coefficient of sphere on sphere [-]."""
     seed: int = 1
     """Chooses all the surfaces of both bodies, 0 to 65535; see `meso.surfaces.surface.tile_seed`."""
-    surface: SurfaceOptions = SurfaceOptions()
-    """Roughness of both bodies."""
+    surface: dict[str, Any] = {}
+    """Roughness of both bodies: keys and defaults of the provider `dem` (`meso.settings.FaceKeys`), or the preset's."""
     model: str | None = None
     """Path of a checkpoint; None: the network that comes with the package."""
     fallback: Fallback = "error"
@@ -120,17 +107,26 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             self._asked_plates(1.0)
         except SettingsError as error:
             raise ProviderError(f"friction.options.{error}") from None
-        msgspec.structs.force_setattr(self, "surface", self.surface.on_preset(preset))
-        limits = {
-            "micro_friction": (self.micro_friction, 0.0, 2.0),
-            "surface.levels": (self.surface.levels, LEVELS[0], LEVELS[-1]),
-            "surface.max_height": (self.surface.max_height, 0.0, 1.0),
-            "surface.hurst_exponent": (self.surface.hurst_exponent, 0.0, 1.0),
-        }
-        for key, (value, low, high) in limits.items():
-            if value is None or not low <= value <= high:
-                raise ProviderError(f"friction.options.{key} = {value} is out of bounds: take {low:g} ... {high:g}")
+        if not 0.0 <= self.micro_friction <= 2.0:
+            raise ProviderError(
+                f"friction.options.micro_friction = {self.micro_friction} is out of bounds: take 0 ... 2"
+            )
+        self.faces(1.0)
         self._check_dem()
+
+    def faces(self, tile_size: float) -> FaceKeys:
+        """How the faces of tiles of this length [mm] are made.
+
+        Raises:
+            ProviderError: a key that is unknown or out of bounds.
+        """
+        try:
+            tables = on_preset(self._preset()[0], {"surface": self.surface})
+            keys = decode_tables({"surface": tables["surface"]}, _Faces, "options").surface
+            keys.check(tile_size)
+        except (KeyMistake, SettingsError) as error:
+            raise ProviderError(f"friction.options.{error}") from None
+        return keys
 
     def build(self, context: BuildContext) -> FrictionProvider:
         """The provider for this material and tile.
@@ -193,6 +189,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
             from .network.checkpoint import outside_training
+            from .pair import other_faces
             from .tiles import load_predictor, shared_tiles
         except ImportError as error:
             raise ProviderError(
@@ -210,15 +207,16 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"friction.options.model: {self.model} was trained on envelopes of spheres, which tiles do not have; "
                 "take one trained on the surfaces as generated"
             )
-        surface = msgspec.structs.asdict(self.surface)
-        unseen = outside_training(network.provenance, micro_friction=self.micro_friction, **surface)
+        surface = self.faces(context.tile_size)
+        unseen = outside_training(network.provenance, micro_friction=self.micro_friction)
+        unseen += other_faces(network.provenance, surface)
         learned = network.provenance.plates
         asked = msgspec.structs.replace(learned, edge=context.tile_size)
         if self.model is None or self.plates is not None:
             asked = self._asked_plates(context.tile_size)
         unseen += learned.unlike(self._in_solid(asked, context))
         counts = context.seat_tiles, context.bore_tiles
-        return shared_tiles(network, self.seed, tuple(surface.items()), counts), unseen
+        return shared_tiles(network, self.seed, surface, counts), unseen
 
     def _dem(self, context: BuildContext) -> FrictionProvider:
         """The provider `dem` on the same surfaces."""
@@ -229,7 +227,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
         preset, keys = self._preset()
         plates = {"preset": preset, **keys, **self.dem.get("plates", {})}
-        return {**self.dem, **own, "plates": plates, "surface": msgspec.structs.asdict(self.surface)}
+        return {**self.dem, **own, "plates": plates, "surface": self.surface}
 
     def _check_dem(self) -> None:
         """A scene is refused when it is read, not when it runs."""

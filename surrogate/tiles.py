@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from macrofit.base.arrays import BoolArray, HeightArray, IntArray
+from meso.settings import FaceKeys
 from meso.surfaces.surface import TILES, Body, tile_seed
 
 from .data.faces import generated_face
@@ -23,9 +23,6 @@ from .errors import PredictionError
 from .network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
-
-Keys: TypeAlias = tuple[tuple[str, float], ...]
-"""Keys of Diamond-Square with their values."""
 
 TILES_AHEAD = 4
 """Tiles ahead of a pair that are looked at for more pairs."""
@@ -41,7 +38,7 @@ class Tiles:
     Args:
         predictor: the network.
         seed: chooses all surfaces; see `meso.surfaces.surface.tile_seed`.
-        surface: levels, max_height and hurst_exponent.
+        surface: how the faces are made.
         counts: number of tiles of the seat and of the bore.
     """
 
@@ -50,8 +47,8 @@ class Tiles:
     prepared: int
     """Pairs whose foundations were computed so far, those ahead included."""
 
-    def __init__(self, predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> None:
-        self.predictor, self.seed, self.surface = predictor, seed, dict(surface)
+    def __init__(self, predictor: Predictor, seed: int, surface: FaceKeys, counts: tuple[int, int]) -> None:
+        self.predictor, self.seed, self.surface = predictor, seed, surface
         self.counts = min(counts[0], TILES), min(counts[1], TILES)
         self.faces = self.prepared = 0
         n = predictor.provenance.points - 1
@@ -144,12 +141,7 @@ class Tiles:
         """The faces of a body, with these tiles made."""
         side = self._sides[body]
         for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            heights = generated_face(
-                body,
-                tile_seed(self.seed, tile),
-                **self.surface,  # type: ignore[arg-type]
-                points=self.predictor.provenance.points,
-            )
+            heights = generated_face(body, tile_seed(self.seed, tile), self.surface, self.predictor.provenance.points)
             side.heights[tile] = torch.from_numpy(heights)
             side.roughness[tile] = upper_roughness(side.heights[tile])
             side.made[tile] = True
@@ -203,6 +195,6 @@ def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
 
 
 @functools.lru_cache(maxsize=1)
-def shared_tiles(predictor: Predictor, seed: int, surface: Keys, counts: tuple[int, int]) -> Tiles:
+def shared_tiles(predictor: Predictor, seed: int, surface: FaceKeys, counts: tuple[int, int]) -> Tiles:
     """Tiles of these arguments: the same object as last time if the arguments are the same."""
     return Tiles(predictor, seed, surface, counts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, TypeAlias
@@ -142,7 +143,8 @@ def tile_seed(seed: int, tile: int) -> int:
     """The surface seed of a tile, 65536 seed + tile: no two tiles of a body share one, whatever the seed.
 
     Seat tile i has axle_seed = tile_seed(seed, i) and bore tile j has wheel_seed = tile_seed(seed, j). The surfaces
-    of axle and wheel are drawn from independent streams, so equal numbers are not equal surfaces.
+    of axle and wheel are drawn from independent streams, so equal numbers are not equal surfaces. Of a strip, the
+    seed names the strip and the tile the place on it: neighbours overlap, and only other seeds are independent.
 
     Raises:
         SettingsError: a seed or a tile outside 0 ... 65535.
@@ -209,30 +211,36 @@ def diamond_square(
     Salengro, Magnier.
     """
     shape = grid_shape(levels, size)
-    _bounded("max_height", max_height, np.inf)
-    _bounded("hurst_exponent", hurst_exponent, 1.0)
+    check_bounds("max_height", max_height)
+    check_bounds("hurst_exponent", hurst_exponent, 1.0)
     h = np.zeros(shape)
     step = 2**levels
     corners = h[::step, ::step]
     corners[:] = max_height * (rng.random(corners.shape) - 0.5)
     for level in range(1, levels + 1):
-        _subdivide(h[:: step // 2, :: step // 2], rng, max_height * 2.0 ** (-hurst_exponent * level))
+        subdivide(h[:: step // 2, :: step // 2], rng.random, max_height * 2.0 ** (-hurst_exponent * level))
         step //= 2
     return Surface(h, size)
 
 
-def _subdivide(h: FloatArray, rng: np.random.Generator, noise: float) -> None:
-    """One level, in place: points with two even indices are known, the others are set; noise is the range [mm]."""
+def subdivide(h: FloatArray, draw: Callable[[tuple[int, ...]], FloatArray], noise: float) -> None:
+    """One level of Diamond-Square, in place: points with two even indices are known, the others are set.
+
+    Args:
+        h: heights [mm], (nx, ny), both odd.
+        draw: gives numbers uniform in [0, 1) of a shape: for the centres, the middles along x, those along y.
+        noise: range of the random term [mm].
+    """
     known, centres = h[::2, ::2], h[1::2, 1::2]
     centres[:] = 0.25 * (known[:-1, :-1] + known[1:, :-1] + known[:-1, 1:] + known[1:, 1:])
-    centres += noise * (rng.random(centres.shape) - 0.5)
+    centres += noise * (draw(centres.shape) - 0.5)
     middles, between = h[1::2, ::2], centres
     for _ in range(2):  # the middles along x, then the same with the axes exchanged
         total, count = known[:-1] + known[1:], np.full(middles.shape[1], 4.0)
         total[:, 1:] += between
         total[:, :-1] += between
         count[[0, -1]] = 3.0
-        middles[:] = total / count + noise * (rng.random(middles.shape) - 0.5)
+        middles[:] = total / count + noise * (draw(middles.shape) - 0.5)
         known, between, middles = known.T, centres.T, h[::2, 1::2].T
 
 
@@ -269,8 +277,8 @@ def self_affine(
     """
     if min(shape) < 3:
         raise SurfaceError(f"a self-affine surface of {shape[0]} x {shape[1]} points: take at least 3 x 3")
-    _bounded("rms_height", rms_height, np.inf)
-    _bounded("hurst_exponent", hurst_exponent, 1.0)
+    check_bounds("rms_height", rms_height)
+    check_bounds("hurst_exponent", hurst_exponent, 1.0)
     (nx, ny), (length, width) = shape, _checked(size)
     dx, dy = length / (nx - 1), width / (ny - 1)
     resolved = 2.0 * max(dx, dy)
@@ -310,7 +318,12 @@ def _checked(size: tuple[float, float]) -> tuple[float, float]:
     return length, width
 
 
-def _bounded(name: str, value: float, limit: float) -> None:
+def check_bounds(name: str, value: float, limit: float = np.inf) -> None:
+    """Refuse a value outside 0 ... limit.
+
+    Raises:
+        SettingsError: naming it.
+    """
     if not (0.0 <= value <= limit and isfinite(value)):
         bounds = "0 or more" if limit == np.inf else f"a value from 0 to {limit:g}"
         raise SettingsError(f"{name} = {value:g} is out of bounds: take {bounds}")

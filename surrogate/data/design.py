@@ -9,11 +9,16 @@ import numpy as np
 from scipy.stats import qmc
 
 from macrofit.base.arrays import FloatArray
+from meso.surfaces.surface import TILES, tile_seed
 
 from ..errors import DesignError
 
 FRICTION_RANGE = (0.01, 0.09)
 """Range of the micro coefficients of a design [-]; each pair takes one of every equal part of it."""
+PLACES = 4
+"""Distance of two samples on one strip, in tiles: two for the axle's face, one on each side for what it depends on."""
+SEEDS_OF_A_STRIP = TILES
+"""Seeds that share a strip, and no sample of one is independent of the others."""
 FINEST_LEVEL = 5
 """Largest number of levels: the 33 points of a matrix along an edge leave out nothing of 2^n + 1 up to here."""
 
@@ -21,15 +26,14 @@ FINEST_LEVEL = 5
 class Design(msgspec.Struct, frozen=True, kw_only=True):
     """Where samples lie: a scrambled Sobol sequence over log R, level, exponent and micro coefficients.
 
-    Pair i has surfaces of its own, wheel_seed = axle_seed = first_surface + i (the streams of the two bodies are
-    independent), and the point of the sequence with that number: a split by pair is a split by seed, and databases
-    of disjoint seeds continue one design.
+    Pair i has surfaces of its own, number first_surface + i (`surface_seed`), and the point of the sequence with that
+    number: a split by pair is a split by seed, and databases of disjoint numbers continue one design.
     """
 
     seed: int = 0
     """Seed of the scrambling."""
     first_surface: int = 0
-    """Seed of the surfaces of the first pair."""
+    """Number of the surfaces of the first pair."""
     first_packing: int = 0
     """Smallest seed of a packing; see `packing_seed`."""
     packings: int = 1
@@ -101,6 +105,19 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             hurst_exponent=float(self.hurst_exponent[0] + (self.hurst_exponent[1] - self.hurst_exponent[0]) * u[2]),
             micro_friction=given,
         )
+
+    def surface_seed(self, pair: int, form: str) -> int:
+        """Seed of both surfaces of a pair; the streams of the two bodies are independent.
+
+        Tiles by themselves have the number of the pair. Of strips each pair has one of its own, for neighbours on one
+        strip are no independent samples: they would stand on both sides of a split. The face lies at its far end, where
+        no press-fit reaches; where all strips are taken, the next pairs lie `PLACES` before.
+        """
+        number = self.first_surface + pair
+        if form != "strip":
+            return number
+        turn, strip = divmod(number, TILES)
+        return tile_seed(strip, TILES - PLACES * (turn + 1))
 
     def packing_seed(self, pair: int, packing: int) -> int:
         """Seed of a packing: a block of them for each pair in turn, so that pairs share all their packings or none."""

@@ -12,7 +12,9 @@ from macrofit.base.errors import OutputError
 from macrofit.base.textfile import read_text_table
 from macrofit.base.units import LENGTHS, read_heading
 from meso.errors import MesoError
-from meso.surfaces.surface import Body, Surface, diamond_square, face_generator
+from meso.settings import FaceKeys
+from meso.surfaces.face import rough_face
+from meso.surfaces.surface import Body, Surface
 
 from ..errors import PredictionError
 
@@ -24,30 +26,24 @@ POINTS = 33
 """Points of a face along 1 mm."""
 
 
-def generated_face(
-    body: Body, seed: int, *, levels: int, max_height: float, hurst_exponent: float, points: int = POINTS
-) -> HeightArray:
-    """Make the Diamond-Square face of a body: the wheel's on 1 x 1 mm, the axle's on 2 x 1 mm.
+def generated_face(body: Body, seed: int, keys: FaceKeys, points: int = POINTS) -> HeightArray:
+    """Make the rough face of a body, that of its plate: the wheel's on 1 x 1 mm, the axle's on 2 x 1 mm.
 
     Args:
         body: body whose stream of random numbers it is drawn from.
-        seed: seed of the surface.
-        levels: subdivisions, 2^levels + 1 points along 1 mm.
-        max_height: R [mm].
-        hurst_exponent: H [-].
+        seed: seed of the surface; of a strip, 65536 times its number plus the place on it.
+        keys: how it is made.
         points: points of the face along 1 mm.
 
     Returns:
         Heights outward from the nominal face [mm], (points, points) or (2 points - 1, points).
 
     Raises:
-        PredictionError: an argument that Diamond-Square refuses.
+        PredictionError: a key that its generator refuses.
     """
     size = (1.0, 1.0) if body == "wheel" else (2.0, 1.0)
     try:
-        face = diamond_square(
-            face_generator(body, seed), levels=levels, max_height=max_height, hurst_exponent=hurst_exponent, size=size
-        )
+        face = rough_face(keys, body, seed, size)
     except MesoError as error:
         raise PredictionError(f"surface of the {body}: {error}") from None
     return sampled_heights(face, points)

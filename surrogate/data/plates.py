@@ -31,6 +31,8 @@ PLACES = {
     "control": ("load", "control"),
     "engine": ("engine", "name"),
     "speed": ("engine", "speed"),
+    "form": ("surface", "form"),
+    "lay": ("surface", "lay"),
 }
 """Table and key of each field of `Plates` in the settings of a friction test."""
 
@@ -71,6 +73,10 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """Engine asked for; "auto" counts as the quasi-static one."""
     speed: float = 0.0
     """Speed of the explicit engine's slide [mm/s]; 0 for the quasi-static one."""
+    form: str = "tiles"
+    """Form of the faces: pieces of strips, or tiles by themselves."""
+    lay: str = "isotropic"
+    """Lay of the faces."""
 
     @property
     def load(self) -> float:
@@ -90,13 +96,17 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
             KeyError: a key is missing.
             msgspec.ValidationError: a key has a value of another type.
         """
-        keys = {name: tables[table][key] for name, (table, key) in PLACES.items()}
+        known = {**tables, "surface": {"form": "tiles", "lay": "isotropic", **tables["surface"]}}  # as of older ones
+        keys = {name: known[table][key] for name, (table, key) in PLACES.items()}
         keys["engine"] = "quasi-static" if keys["engine"] == "auto" else keys["engine"]
         keys["speed"] = keys["speed"] if keys["engine"] == "explicit" else 0.0
         return msgspec.convert(keys, cls)
 
     def unlike(self, asked: Plates) -> list[str]:
-        """In which keys the plates of a run are others than these, in words; the solid may differ a little."""
+        """In which keys the plates of a run are others than these, in words.
+
+        The solid may differ a little. The faces are no matter of the plates: a network sees them.
+        """
         low, high = ((1.0 + sign * YOUNGS_MODULUS_SLACK) * self.youngs_modulus for sign in (-1.0, 1.0))
         findings = []
         if not _same(asked.edge, self.edge):
@@ -106,7 +116,7 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         if not abs(asked.poisson_ratio - self.poisson_ratio) <= POISSON_RATIO_SLACK:
             findings.append(f"poisson_ratio = {asked.poisson_ratio:g} is not {self.poisson_ratio:g}")
         for name, place in PLACES.items():
-            if name in ("edge", "slide", "youngs_modulus", "poisson_ratio"):
+            if name in ("edge", "slide", "youngs_modulus", "poisson_ratio", "form", "lay"):
                 continue
             if name == "speed" and not (self.dynamic and asked.dynamic):
                 continue  # told by the engine

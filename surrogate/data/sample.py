@@ -27,8 +27,8 @@ from .samples import Header
 KEYS_OF_DESIGN = {
     "surface.generator": "surfaces are of Diamond-Square",
     "surface.rms_height": "surfaces are of Diamond-Square",
-    "surface.wheel_seed": "it is --first-surface plus the number of the pair",
-    "surface.axle_seed": "it is --first-surface plus the number of the pair",
+    "surface.wheel_seed": "it follows from --first-surface and the number of the pair",
+    "surface.axle_seed": "it follows from --first-surface and the number of the pair",
     "surface.levels": "it is --levels",
     "surface.max_height": "it is --max-height",
     "surface.hurst_exponent": "it is --hurst",
@@ -59,7 +59,7 @@ class Result:
 def design_tasks(design: Design, settings: Settings, pairs: int, header: Header) -> Iterator[Task]:
     """All samples of the first pairs of a design, by id."""
     for pair, point in enumerate(design.points(pairs)):
-        seed = design.first_surface + pair
+        seed = design.surface_seed(pair, settings.surface.form)
         surface = msgspec.structs.replace(
             settings.surface,
             wheel_seed=seed,

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray, HeightArray, IntArray
 from macrofit.base.toml import TomlError, parse_toml
+from meso.settings import FaceKeys
 
 from ..errors import DatabaseError
 from .plates import Plates
@@ -50,6 +51,20 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         """
         try:
             return Plates.of_settings(parse_toml(self.settings, "settings"))
+        except (TomlError, KeyError, msgspec.ValidationError) as error:
+            raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
+
+    @property
+    def surface(self) -> FaceKeys:
+        """How the faces were made, but for what the design varies; older settings know tiles by themselves alone.
+
+        Raises:
+            DatabaseError: as `plates`.
+        """
+        try:
+            table = parse_toml(self.settings, "settings")["surface"]
+            keys = {key: value for key, value in table.items() if not key.endswith("_seed")}
+            return msgspec.convert({"form": "tiles"} | keys, FaceKeys)
         except (TomlError, KeyError, msgspec.ValidationError) as error:
             raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 

@@ -133,9 +133,11 @@ def _samples(header: Header, rows: list[dict[str, str]]) -> Samples:
         column = column.astype(kinds[name].base).reshape(-1, k)
         values[name] = column if kinds[name].shape else column[:, 0]
     faces: dict[str, list[Any]] = {"wheel": [], "axle": []}
+    shared = header.surface
     for i in range(len(values["id"])):
-        keys = {name: values[name][i].item() for name in ("levels", "max_height", "hurst_exponent")}
-        faces["wheel"].append(generated_face("wheel", int(values["wheel_seed"][i]), **keys, points=header.points))
-        faces["axle"].append(generated_face("axle", int(values["axle_seed"][i]), **keys, points=header.points))
+        varied = {name: values[name][i].item() for name in ("levels", "max_height", "hurst_exponent")}
+        keys = msgspec.structs.replace(shared, **varied)
+        faces["wheel"].append(generated_face("wheel", int(values["wheel_seed"][i]), keys, header.points))
+        faces["axle"].append(generated_face("axle", int(values["axle_seed"][i]), keys, header.points))
     values |= {name: np.zeros((len(rows) // k, 0, 0), dtype=np.float32) for name in HEIGHTS[2:]}
     return Samples(**values | {name: np.array(made) for name, made in faces.items()})

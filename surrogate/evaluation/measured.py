@@ -10,6 +10,7 @@ import numpy as np
 
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
+from ..data.design import SEEDS_OF_A_STRIP
 from ..data.plates import Plates
 from ..data.samples import Samples
 from ..errors import EvaluationError
@@ -85,13 +86,25 @@ def arrange_tests(samples: Samples) -> MeasuredPairs:
     )
 
 
-def require_unseen(samples: Samples, provenance: Provenance) -> None:
+def require_unseen(samples: Samples, provenance: Provenance, form: str = "tiles") -> None:
     """Refuse samples whose surfaces, or for a network of envelopes whose packings, were there in training.
+
+    Strips and tiles by themselves have streams of their own; of strips, a whole one was seen or not.
+
+    Args:
+        samples: friction tests.
+        provenance: what the network learned from.
+        form: form of the samples' faces.
 
     Raises:
         EvaluationError: naming a seed.
     """
-    kinds = [("surface", "--first-surface", provenance.surface_seeds, [samples.wheel_seed, samples.axle_seed])]
+    kinds = []
+    strips = form == "strip"
+    if strips == (provenance.plates.form == "strip"):
+        per, (low, high) = (SEEDS_OF_A_STRIP if strips else 1), provenance.surface_seeds
+        seeds = [samples.wheel_seed // per, samples.axle_seed // per]
+        kinds.append(("strip" if strips else "surface", "--first-surface", (low // per, high // per), seeds))
     if provenance.faces == "envelope":
         kinds.append(("packing", "--first-packing", provenance.packing_seeds, [samples.packing_seed]))
     for what, option, (low, high), seeds in kinds:

@@ -43,7 +43,7 @@ def evaluate_network(
     judged = [load_checkpoint(path) for path in (network, *compared)]
     plates = found.header.plates
     for _, origin in judged:
-        require_unseen(found.samples, origin)
+        require_unseen(found.samples, origin, plates.form)
         require_same_plates(database, plates, origin)
     data = arrange_tests(found.samples)
     (model, provenance), *more = judged

@@ -5,11 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from meso.settings import FaceKeys
 from surrogate.data.database import Header, Samples
 from surrogate.data.faces import generated_face
 from surrogate.data.journal import journal_of
@@ -59,12 +59,12 @@ def made_up(count: int, rng: np.random.Generator | None = None) -> Samples:
     """Samples with the foundation's b for an answer; with `rng`, envelopes as rough as those of spheres."""
     rows = np.zeros(count, TOY.row())
     rows["id"] = rows["wheel_seed"] = rows["axle_seed"] = rows["packing_seed"] = np.arange(count)
-    keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
+    keys = FaceKeys(form="tiles")
     for k in range(count):
-        rows["wheel"][k], rows["axle"][k] = generated_face("wheel", k, **keys), generated_face("axle", k, **keys)
+        rows["wheel"][k], rows["axle"][k] = generated_face("wheel", k, keys), generated_face("axle", k, keys)
     if rng is not None:
         for name in ("wheel_envelope", "axle_envelope"):
-            rows[name] = rng.normal(scale=keys["max_height"] / 4.0, size=rows[name].shape)
+            rows[name] = rng.normal(scale=keys.max_height / 4.0, size=rows[name].shape)
     rows["max_height"], rows["levels"], rows["hurst_exponent"] = 0.02, 3, 0.8
     rows["micro_friction"] = (0.03, 0.07)
     rows["minimum_normal"] = 1.0

@@ -24,6 +24,7 @@ import numpy as np
 import torch
 
 from macrofit.base.farm import SerialFarm
+from meso.settings import FaceKeys
 from surrogate.data.database import Samples, content_hash, open_database, read_database
 from surrogate.data.design import Design
 from surrogate.data.faces import generated_face
@@ -110,8 +111,7 @@ def predictions(sizes: Sequence[int], repeats: int) -> Iterator[dict[str, float]
     for size in sizes:
         faces = int(np.ceil(np.sqrt(size)))
         wheels, axles = (
-            np.stack([generated_face(body, k, levels=3, max_height=0.02, hurst_exponent=0.8) for k in range(faces)])
-            for body in ("wheel", "axle")
+            np.stack([generated_face(body, 65536 * k, FaceKeys()) for k in range(faces)]) for body in ("wheel", "axle")
         )
         wheel, axle = np.divmod(np.arange(size), faces)
         taken, _ = cpu(partial(predictor, wheels, axles, wheel, axle, 0.07), repeats)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from meso.settings import FaceKeys
 from surrogate.data.database import Samples, read_database
 from surrogate.data.faces import generated_face
 from surrogate.evaluation.measured import select_samples
@@ -92,9 +93,8 @@ class Seat:
     """The pairs of tiles that meet, and what it costs to predict them."""
 
     def __init__(self, tiles: int, repeats: int) -> None:
-        keys: dict[str, Any] = {"levels": 3, "max_height": 0.02, "hurst_exponent": 0.8}
         self.wheels, self.axles = (
-            torch.from_numpy(np.stack([generated_face(body, 100_000 + k, **keys) for k in range(tiles)]))
+            torch.from_numpy(np.stack([generated_face(body, 100_000 + k, FaceKeys()) for k in range(tiles)]))
             for body in ("wheel", "axle")
         )
         bore, seat = np.divmod(np.arange(tiles * tiles), tiles)

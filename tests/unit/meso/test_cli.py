@@ -323,7 +323,7 @@ def test_a_surface_is_that_of_a_run(place):
     assert shown.exit_code == 0, shown.stderr
     assert names(place) == {"face.npy", "face.png", "face.stl"}
     assert "of the axle, 2 x 1 mm, 17 x 9 points" in shown.stdout
-    from meso.plates import rough_face
+    from meso.surfaces.face import rough_face
     from meso.surfaces.roughness import measure
 
     face = rough_face(load().surface, "axle", 5, (2.0, 1.0))

@@ -53,7 +53,7 @@ def test_the_rich_settings_are_what_was_asked_for():
     [
         ({"lode": {}}, "lode: unknown key (did you mean 'load'?)"),
         ({"plates": {"spheers": 3}}, "plates.spheers: unknown key (did you mean 'spheres'?)"),
-        ({"surface": {"zzz": 3}}, "surface.zzz: unknown key (known keys: wheel_seed, axle_seed, "),
+        ({"surface": {"zzz": 3}}, "surface.zzz: unknown key (known keys: form, generator, "),
         ({"material": {"young_modulus": 3.0}}, "material.young_modulus: unknown key (did you mean 'youngs_modulus'?)"),
         (
             {"engine": {"breakage": {"tensile_strenght": 1.0, "shear_strength": 1.0}}},
@@ -77,6 +77,10 @@ BOUNDED = {
     "surface.max_height": (-1e-9, 1.1),
     "surface.rms_height": (-1e-9, 1.1),
     "surface.hurst_exponent": (-0.01, 1.01),
+    "surface.roll_off": (0.0, 4.1),
+    "surface.feed": (0.0, -1.0),
+    "surface.groove_depth": (-1e-9, 1.1),
+    "surface.anisotropy": (0.9, 1001.0),
     "surface.wheel_seed": (-1, 2**32),
     "surface.axle_seed": (-1, 2**32),
     "plates.spheres": (0, 10**7),

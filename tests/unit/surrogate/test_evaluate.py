@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from meso.plates import rough_face
-from meso.settings import Settings, SurfaceKeys, dump
+from meso.settings import FaceKeys, Settings, SurfaceKeys, dump
+from meso.surfaces.face import rough_face
 from surrogate.cli import main
 from surrogate.data.database import Database, Header, Samples
 from surrogate.data.faces import generated_face, read_face
@@ -30,7 +30,7 @@ from surrogate.network.score import predict_pairs
 from surrogate.network.train import train_network
 
 MICRO = (0.03, 0.05, 0.07, 0.09)
-SETTINGS = dump(Settings())
+SETTINGS = dump(Settings(surface=SurfaceKeys(form="tiles")))
 HEADER = Header(design="{}", settings=SETTINGS, code="abc", version="0", micro_frictions=4, squares=2)
 PAIRS, PACKINGS, SCATTER = 60, 3, 0.02
 
@@ -46,9 +46,9 @@ def made(pairs: int = PAIRS, packings: int = PACKINGS, seed: int = 0, first: int
     rows["wheel_seed"] = rows["axle_seed"] = first + pair
     rows["levels"], rows["max_height"], rows["hurst_exponent"] = 3, (0.01 + 1e-4 * pair), 0.8
     for i in range(count):
-        keys = {"levels": 3, "max_height": float(rows["max_height"][i]), "hurst_exponent": 0.8}
+        keys = FaceKeys(form="tiles", levels=3, max_height=float(rows["max_height"][i]), hurst_exponent=0.8)
         for body in ("wheel", "axle"):
-            rows[body][i] = generated_face(body, int(rows[f"{body}_seed"][i]), **keys)
+            rows[body][i] = generated_face(body, int(rows[f"{body}_seed"][i]), keys)
     rows["micro_friction"] = MICRO
     b = np.repeat(1e-3 * rng.standard_normal(pairs), packings)
     true = 1.03 * rows["micro_friction"] + b[:, None]
@@ -222,6 +222,23 @@ def test_packings_that_were_learned_do_not_judge_a_network_of_envelopes(networks
         require_unseen(seen, msgspec.structs.replace(about, faces="envelope"))
 
 
+def test_a_strip_that_was_learned_is_known_by_any_place_on_it(networks: dict[str, Path]) -> None:
+    """Learned: strips 7 to 9. Tiles by themselves have other streams, whatever their seeds."""
+    _, about = load_checkpoint(networks["energy"])
+    seeds = (65536 * 7 + 65532, 65536 * 9 + 65532)
+    about = msgspec.structs.replace(
+        about, surface_seeds=seeds, plates=msgspec.structs.replace(about.plates, form="strip")
+    )
+    for strip, known in ((6, False), (7, True), (9, True), (10, False)):
+        seen = replace(SAMPLES, wheel_seed=np.full(len(SAMPLES), 65536 * strip), axle_seed=SAMPLES.axle_seed * 0)
+        require_unseen(seen, about, "tiles")
+        if known:
+            with pytest.raises(EvaluationError, match=f"strips of seed {strip} .* --first-surface beyond 9"):
+                require_unseen(seen, about, "strip")
+        else:
+            require_unseen(seen, about, "strip")
+
+
 def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
     write_table(Database(HEADER, SAMPLES, {}, "hash"), tmp_path / "t.csv")
     found = open_samples(tmp_path / "t.csv")
@@ -257,7 +274,7 @@ def test_a_table_that_was_touched_is_refused(spoil, message, tmp_path) -> None:
 def test_faces_are_those_of_the_plates(body, levels, tmp_path) -> None:
     keys = SurfaceKeys(levels=levels, max_height=0.03, hurst_exponent=0.6)
     face = rough_face(keys, body, 9, (1.0, 1.0) if body == "wheel" else (2.0, 1.0))
-    found = generated_face(body, 9, levels=levels, max_height=0.03, hurst_exponent=0.6)
+    found = generated_face(body, 9, keys)
     assert found.shape == ((33, 33) if body == "wheel" else (65, 33))
     finer = 32 // 2**levels
     assert np.array_equal(found[::finer, ::finer], face.heights.astype(np.float32))
@@ -320,7 +337,7 @@ def test_files_that_are_no_faces(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("µm", 1e3), ("m", 1e-3), ("um", 1e3), (None, 1.0)])
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), (" ", "."), ("\t", ",")])
 def test_heights_name_their_unit(tmp_path: Path, unit: str | None, factor: float, separator: str, decimal: str) -> None:
-    face = generated_face("wheel", 3, levels=4, max_height=0.02, hurst_exponent=0.7)
+    face = generated_face("wheel", 3, FaceKeys(levels=4, hurst_exponent=0.7))
     rows = [separator.join(f"{factor * value:.9g}".replace(".", decimal) for value in row) for row in face.tolist()]
     head = [] if unit is None else ["# measured on 3 May", f"# heights [{unit}]"]
     (tmp_path / "w.csv").write_text("\n".join([*head, *rows]), encoding="utf-8-sig")
@@ -340,7 +357,7 @@ def test_heights_in_another_unit_are_noticed(
     networks: dict[str, Path], tmp_path: Path, factor: float, told: str
 ) -> None:
     """Smoother by far than anything learned from: 0.0715 +- 0.0002 without a word is no answer."""
-    face = generated_face("axle", 3, levels=4, max_height=0.02, hurst_exponent=0.7).astype(float)
+    face = generated_face("axle", 3, FaceKeys(levels=4, hurst_exponent=0.7)).astype(float)
     np.save(tmp_path / "a.npy", face * factor + 1e-7 * np.arange(65)[:, None])
     code, said = run("predict", "-n", networks["energy"], "--axle", tmp_path / "a.npy")
     assert re.search(told, said), said
@@ -363,8 +380,8 @@ def test_the_command_predicts_from_seeds_and_from_files(networks: dict[str, Path
     assert f"{rows[2, 1]:.4f}" in said
     assert run(*seeds, "--micro-friction", "2.5")[0] == 2
     keys = {"levels": 3, "max_height": 0.012, "hurst_exponent": 0.8}
-    np.save(tmp_path / "w.npy", generated_face("wheel", 3, **keys))
-    np.save(tmp_path / "a.npy", generated_face("axle", 4, **keys))
+    np.save(tmp_path / "w.npy", generated_face("wheel", 3, FaceKeys(**keys)))
+    np.save(tmp_path / "a.npy", generated_face("axle", 4, FaceKeys(**keys)))
     files = ("--wheel", tmp_path / "w.npy", "--axle", tmp_path / "a.npy", "-o", tmp_path / "q.csv")
     assert run("predict", "-n", networks["energy"], *files)[0] == 0
     assert np.array_equal(np.loadtxt(tmp_path / "q.csv", delimiter=",", skiprows=1), rows)

@@ -16,7 +16,7 @@ import pytest
 
 from macrofit.base.farm import ProcessFarm, SerialFarm
 from meso.friction_test import run
-from meso.plates import rough_face
+from meso.surfaces.face import rough_face
 from surrogate.data.database import read_database
 from surrogate.data.design import FINEST_LEVEL, FRICTION_RANGE, Design
 from surrogate.data.generate import generate_samples
@@ -96,7 +96,7 @@ def test_a_split_by_pair_is_a_split_by_seed():
     assert [task.id for task in tasks] == list(range(120))
     for task in tasks:
         surface, packing = task.settings.surface, task.settings.plates.packing_seed
-        assert surface.wheel_seed == surface.axle_seed == 100 + task.id // 3
+        assert surface.wheel_seed == surface.axle_seed == 65536 * (100 + task.id // 3) + 65532  # a strip each
         assert 50 <= packing < 50 + Design().packing_seeds
         task.settings.check()
     for pair in range(40):
@@ -105,6 +105,17 @@ def test_a_split_by_pair_is_a_split_by_seed():
         assert len({(task.settings.surface, task.settings.contact) for task in same}) == 1
     few = Design(packings=3, packing_seeds=8)  # two blocks of three
     assert [few.packing_seed(pair, k) for pair in range(3) for k in range(3)] == [0, 1, 2, 3, 4, 5, 0, 1, 2]
+
+
+def test_no_two_samples_share_what_a_strip_depends_on():
+    """Each pair has a strip of its own; beyond 65536 pairs places on one are 4 tiles apart: 2 of the axle, 1 beside."""
+    design = Design(first_surface=65530)
+    seeds = [design.surface_seed(pair, "strip") for pair in range(65546)]
+    assert len(set(seeds)) == len(seeds)
+    assert [divmod(seed, 65536) for seed in seeds[:7]] == [*((65530 + k, 65532) for k in range(6)), (0, 65528)]
+    assert divmod(Design(first_surface=2**30 - 1).surface_seed(0, "strip"), 65536) == (65535, 0)
+    for form in ("tiles", "levelled"):
+        assert [design.surface_seed(pair, form) for pair in range(3)] == [65530, 65531, 65532]
 
 
 def test_fixed_values():
@@ -174,7 +185,7 @@ def test_a_sample_is_the_friction_test_of_its_settings(database):
         kept = samples.friction_loss[pair, k] + samples.stored_energy[pair, k]
         assert kept == pytest.approx(slide.work.drive, rel=1e-2)  # the quasi-static engine's own imbalance
     for body, size in (("wheel", (1.0, 1.0)), ("axle", (2.0, 1.0))):
-        face = rough_face(settings.surface, body, pair, size)
+        face = rough_face(settings.surface, body, 65536 * pair + 65532, size)
         finer = 32 // 2 ** int(samples.levels[pair])
         stored = getattr(samples, body)[pair]
         assert np.array_equal(stored[::finer, ::finer], face.heights.astype(np.float32))

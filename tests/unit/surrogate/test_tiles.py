@@ -13,6 +13,7 @@ from untrained import untrained
 
 import surrogate.tiles
 from macrofit.base.arrays import IntArray
+from meso.settings import FaceKeys
 from surrogate.data.faces import generated_face
 from surrogate.data.samples import Plates
 from surrogate.errors import CheckpointError, PredictionError
@@ -24,7 +25,7 @@ from surrogate.tiles import TILES_AHEAD, Tiles, load_predictor, shared_tiles
 POINTS, SEED = 9, 3
 COUNTS = 14, 11
 KEYS: dict[str, Any] = {"levels": 3, "max_height": 0.03, "hurst_exponent": 0.7}
-SURFACE = tuple(KEYS.items())
+SURFACE = FaceKeys(**KEYS)
 SEAT, BORE = (tiles.ravel() for tiles in np.meshgrid(*map(np.arange, COUNTS), indexing="ij"))
 
 
@@ -64,7 +65,7 @@ def tiles(asked: Predictor) -> Tiles:
 def directly(asked: Predictor, micro: float) -> Prediction:
     """Of all pairs, from all faces."""
     axles, wheels = (
-        np.stack([generated_face(body, 65536 * SEED + tile, **KEYS, points=POINTS) for tile in range(count)])  # type: ignore[arg-type]
+        np.stack([generated_face(body, 65536 * SEED + tile, SURFACE, POINTS) for tile in range(count)])  # type: ignore[arg-type]
         for body, count in zip(("axle", "wheel"), COUNTS, strict=True)
     )
     return asked(wheels, axles, BORE, SEAT, micro)
@@ -119,9 +120,9 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
     """Whatever is asked again, and for another micro coefficient; the rest of a chunk is for pairs to come."""
     drawn: list[tuple[str, int]] = []
 
-    def counted(body: Any, seed: int, **keys: Any) -> Any:
+    def counted(body: Any, seed: int, *keys: Any) -> Any:
         drawn.append((body, seed))
-        return generated_face(body, seed, **keys)
+        return generated_face(body, seed, *keys)
 
     monkeypatch.setattr("surrogate.tiles.generated_face", counted)
     asked = tiles(energy)
@@ -188,7 +189,7 @@ def test_tiles_have_no_numbers_beyond_those_of_surfaces(energy: Predictor) -> No
 
 
 def test_a_surface_that_cannot_be_made(energy: Predictor) -> None:
-    asked = Tiles(energy, SEED, (*SURFACE[:2], ("hurst_exponent", 1.5)), COUNTS)
+    asked = Tiles(energy, SEED, FaceKeys(**KEYS | {"hurst_exponent": 1.5}), COUNTS)
     with pytest.raises(PredictionError, match="surface of the wheel: hurst_exponent"):
         asked.predict(SEAT[:1], BORE[:1], 0.05)
 
@@ -203,7 +204,7 @@ def test_faces_are_those_of_the_seeds_and_read_only(energy: Predictor) -> None:
     asked = tiles(energy)
     for body, tile in (("axle", 13), ("wheel", 10)):
         face = asked.heights(body, tile)  # type: ignore[arg-type]
-        assert np.array_equal(face, generated_face(body, 65536 * SEED + tile, **KEYS, points=POINTS))  # type: ignore[arg-type]
+        assert np.array_equal(face, generated_face(body, 65536 * SEED + tile, SURFACE, POINTS))  # type: ignore[arg-type]
         with pytest.raises(ValueError, match="read-only"):
             face[0, 0] = 1.0
 
@@ -228,7 +229,7 @@ def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predict
     others = [
         (paper, SEED, SURFACE, COUNTS),
         (energy, SEED + 1, SURFACE, COUNTS),
-        (energy, SEED, (("levels", 2), *SURFACE[1:]), COUNTS),
+        (energy, SEED, FaceKeys(**KEYS | {"levels": 2}), COUNTS),
         (energy, SEED, SURFACE, (14, 12)),
     ]
     for other in others:
