@@ -89,13 +89,10 @@ def predict_pair(
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
     keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
-    faces = [
-        _face("wheel", wheel, wheel_seed, about.points, keys),
-        _face("axle", axle, axle_seed, about.points, keys),
-    ]
-    files: tuple[tuple[Body, Path | None], ...] = (("wheel", wheel), ("axle", axle))
+    files: tuple[tuple[Body, Path | None, int], ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
+    faces = [_face(body, file, seed, about.points, keys) for body, file, seed in files]
     findings: list[str] = []
-    for face, (body, file) in zip(faces, files, strict=True):
+    for face, (body, file, _) in zip(faces, files, strict=True):
         findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
     if wheel is None or axle is None:
         findings += other_faces(about, keys)

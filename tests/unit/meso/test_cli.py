@@ -333,7 +333,7 @@ def test_a_surface_is_that_of_a_run(place):
 
 def test_the_options_of_a_surface_reach_it(place):
     plain = ["--levels", "4", "--max-height", "0.01", "--hurst-exponent", "0.5"]
-    other = ["--generator", "self_affine", "--rms-height", "0.002"]
+    other = ["--generator", "self_affine", "--rms-height", "0.002", "--form", "tiles"]  # of a strip it is the strip's
     for number, options in enumerate(([], plain, [*plain, "--seed", "9"], [*plain, *other])):
         assert meso("surface", *options, "-o", f"{number}.npy").exit_code == 0
     heights = [np.load(f"{number}.npy") for number in range(4)]
