@@ -35,7 +35,10 @@ from meso.settings import SurfaceKeys
 from meso.surfaces.face import rough_face
 from surrogate.data.faces import generated_face
 from surrogate.data.faces import sampled_heights as sampled
+from surrogate.data.plates import Plates
+from surrogate.network.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.network.predict import Predictor
+from surrogate.network.shipped import SHIPPED
 from surrogate.provider import Surrogate, TileNetwork
 
 SMALL_PLATES: dict[str, Any] = {"plates": {"spheres": 400}, "engine": {"increment": 0.05}}
@@ -437,6 +440,98 @@ def test_plates_that_cannot_be_built_either_are_one_line(model: str) -> None:
     with pytest.raises(ProviderError, match=told_of) as told:
         build("surrogate", {"model": model, "fallback": "dem"}, context(poisson_ratio=0.28))
     assert "\n" not in str(told.value)
+
+
+# Other plates
+
+
+def learned_from(path: Path, **plates: Any) -> str:
+    """The network that has learned nothing, with other plates in its provenance."""
+    model, about = load_checkpoint(Path(untrained(path)))
+    save_checkpoint(path, model, msgspec.structs.replace(about, plates=Plates(**plates)))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("plates", "told"),
+    [
+        ({"spheres": 1000}, "plates.spheres = 1000 is not 3000"),
+        ({"thickness": 0.4}, "plates.thickness = 0.4 is not 0.3"),
+        ({"external_face": "beams"}, "plates.external_face = 'beams' is not 'solid'"),
+        ({"external_modulus": "paper"}, "plates.external_modulus = 'paper' is not 'series'"),
+    ],
+)
+def test_other_plates_than_learned_from_are_named(plates: dict[str, Any], told: str, tmp_path: Path) -> None:
+    model = learned_from(tmp_path / "m.safetensors")
+    with pytest.raises(ProviderError, match=f"has not seen such inputs: {re.escape(told)}") as caught:
+        build("surrogate", {"model": model, "plates": plates}, context())
+    assert str(caught.value).count(";") == 0  # one reason alone
+    assert "\n" not in str(caught.value)
+    fitting = learned_from(tmp_path / "m.safetensors", **plates)
+    build("surrogate", {"model": fitting, "plates": plates}, context())
+    build("surrogate", {"model": fitting}, context())  # whose plates are then its own
+
+
+def test_the_speed_of_the_plates_is_compared(tmp_path: Path) -> None:
+    published: dict[str, Any] = {
+        "spheres": 1000, "thickness": 0.4, "external_face": "beams", "external_modulus": "paper", "engine": "explicit",
+    }  # fmt: skip
+    options = {"plates": "as-published"}
+    build("surrogate", options | {"model": learned_from(tmp_path / "m.safetensors", speed=1e4, **published)}, context())
+    for changed, told in (
+        ({"speed": 2e4}, "engine.speed = 10000 is not 20000"),
+        ({"engine": "quasi-static"}, "engine.name = 'explicit' is not 'quasi-static'"),
+    ):
+        model = learned_from(tmp_path / "m.safetensors", **{"speed": 1e4} | published | changed)
+        with pytest.raises(ProviderError, match=f"such inputs: {re.escape(told)}. Take"):
+            build("surrogate", options | {"model": model}, context())
+
+
+def test_a_preset_brings_its_own_surfaces(model: str) -> None:
+    """As for the plates of `dem`, so that both see the same."""
+    options: dict[str, Any] = {"plates": "as-published", "surface": {"levels": 4}}
+    faces = Surrogate(**options).faces(1.0)
+    dem = DirectDem(**options).settings(1.0).surface
+    for key in faces.__struct_fields__:
+        assert getattr(faces, key) == getattr(dem, key)
+    assert (faces.form, faces.levels, faces.max_height) == ("tiles", 4, 0.04)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"plates": "as-printed"}, "friction.options.plates = 'as-printed': take slow or as-published, or keys"),
+        ({"plates": {"sphere": 3}}, "friction.options.plates.sphere: unknown key (did you mean 'spheres'?)"),
+        ({"network": "rnn"}, "`friction.options.network`"),
+        ({"network": "cnn", "model": "m"}, "friction.options.network: leave it out, it is friction.options.model"),
+    ],
+)
+def test_plates_and_networks_that_are_none_are_named(options: dict[str, object], told: str) -> None:
+    with pytest.raises(ProviderError, match=re.escape(told)):
+        load("surrogate", options)
+
+
+@pytest.mark.parametrize("plates", SHIPPED)
+@pytest.mark.parametrize("network", ["energy", "cnn"])
+def test_plates_and_name_choose_the_network_that_comes_with_the_package(plates: str, network: str) -> None:
+    provider = build("surrogate", {"plates": plates, "network": network}, context())
+    assert isinstance(provider, TileNetwork)
+    about = provider.tiles.predictor.provenance
+    assert about.architecture == {"energy": "energy", "cnn": "paper"}[network]
+    assert (about.plates.speed, about.plates.spheres) == {"slow": (0.0, 3000), "as-published": (1e4, 1000)}[plates]
+    low, high = {"slow": (0.06, 0.09), "as-published": (0.09, 0.135)}[plates]
+    assert low < np.mean(answers(provider, *PAIRS)) < high
+    assert np.all(provider.uncertainty(asked(*PAIRS)) > 1e-4)
+
+
+def test_plates_that_answer_for_lost_contact_are_those_of_the_network(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=r"other plates than the network has learned from: plates\.spheres = 400 is"):
+        made(learned_from(tmp_path / "m.safetensors"), fallback="dem", dem={"plates": {"spheres": 400}})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made(learned_from(tmp_path / "m.safetensors"), fallback="dem")
+        given = {"plates": {"spheres": 400}, "fallback": "dem"}
+        made(learned_from(tmp_path / "m.safetensors", spheres=400), **given)
 
 
 # Pairs that lose contact
