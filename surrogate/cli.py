@@ -337,4 +337,4 @@ def table(database: Path, path: Path) -> None:
         raise click.UsageError(f"--output {path}: give a name that ends in {' or '.join(TABLES)}")
     found = read_database(database)
     write_table(found, path)
-    click.echo(f"Wrote           {path}: {len(found.samples)} samples, {path.stat().st_size / 1e3:.0f} kB")
+    click.echo(f"Wrote           {path}: {len(found.whole_pairs)} samples, {path.stat().st_size / 1e3:.0f} kB")

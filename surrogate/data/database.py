@@ -70,6 +70,14 @@ class Database:
     and another hash.)
     """
 
+    @property
+    def whole_pairs(self) -> Samples:
+        """The samples without pairs of surfaces of which a packing failed, so that all that are left have as many."""
+        packings = json.loads(self.header.design).get("packings", 1)
+        lost = {number // packings for number in self.failures}
+        kept = np.array([number // packings not in lost for number in self.samples.id.tolist()], dtype=np.bool_)
+        return Samples(**{name: column[kept] for name, column in vars(self.samples).items()})
+
 
 def read_database(path: Path) -> Database:
     """All samples of a database and its journal, also of one that is being filled.

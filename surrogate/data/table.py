@@ -46,12 +46,12 @@ class _About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def write_table(database: Database, path: Path) -> None:
-    """Write all samples but for their heights.
+    """Write all samples but for their heights, and for those that `Database.whole_pairs` leaves out.
 
     Raises:
         OutputError: it cannot be written.
     """
-    header, samples = database.header, database.samples
+    header, samples = database.header, database.whole_pairs
     columns = {name: getattr(samples, name) for name in header.row().names or () if name not in HEIGHTS}
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

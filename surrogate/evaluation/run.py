@@ -45,7 +45,7 @@ def evaluate_network(
     for _, origin in judged:
         require_unseen(found.samples, origin, plates.form)
         require_same_plates(database, plates, origin)
-    data = arrange_tests(found.samples)
+    data = arrange_tests(found.whole_pairs)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)
     others = [mean_line(data)] if plates.dynamic else []  # a foundation has no loss

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from meso.settings import FaceKeys, Settings, SurfaceKeys, dump
+from meso.settings import FaceKeys, Settings, SurfaceKeys, dump, load
 from meso.surfaces.face import rough_face
 from surrogate.cli import main
 from surrogate.data.database import Database, Header, Samples
@@ -250,6 +250,44 @@ def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
             assert stored.shape == (len(SAMPLES), 0, 0)
         else:
             assert np.array_equal(stored, column), name
+
+
+def test_a_pair_of_which_a_packing_failed_is_left_out(networks: dict[str, Path], tmp_path: Path) -> None:
+    """In a table too, which says nothing of failures."""
+    samples = made(6)
+    kept = {name: column[np.arange(18) != 7] for name, column in vars(samples).items()}
+    header = msgspec.structs.replace(HEADER, design='{"packings": 3}')
+    found = Database(header, Samples(**kept), {7: "it does not come to rest"}, "hash")
+    assert found.whole_pairs.id.tolist() == [0, 1, 2, 3, 4, 5, *range(9, 18)]
+    write_table(found, tmp_path / "t.csv")
+    result, _ = evaluate_network(tmp_path / "t.csv", networks["energy"], [], tmp_path / "out")
+    assert (result["pairs"], result["packings"]) == (5, 3)
+
+
+def test_a_compressed_table_is_the_same_table(networks: dict[str, Path], tmp_path: Path) -> None:
+    found = Database(HEADER, made(3), {}, "hash")
+    plain, packed = tmp_path / "t.csv", tmp_path / "t.csv.gz"
+    for path in (plain, packed):
+        write_table(found, path)
+    assert packed.stat().st_size < 0.5 * plain.stat().st_size
+    assert np.array_equal(open_samples(packed).samples.meso_friction, found.samples.meso_friction)
+    again = tmp_path / "again.csv.gz"
+    write_table(found, again)
+    assert again.read_bytes() == packed.read_bytes()  # no time in it
+    whole = packed.read_bytes()
+    for content, told in ((whole[: len(whole) // 2], "cut short"), (b"no gzip", "no compressed table")):
+        packed.write_bytes(content)
+        with pytest.raises(DatabaseError, match=told):
+            open_samples(packed)
+
+
+def test_friction_tests_of_other_plates_judge_nothing(networks: dict[str, Path], tmp_path: Path) -> None:
+    settings = dump(load(None, ["plates.thickness=0.4", "surface.form=tiles"]))
+    header = msgspec.structs.replace(HEADER, settings=settings)
+    write_table(Database(header, made(4), {}, "hash"), tmp_path / "t.csv")
+    told = r"t\.csv: is of other plates than the network has learned from: plates\.thickness = 0\.4 is not 0\.3$"
+    with pytest.raises(EvaluationError, match=told):
+        evaluate_network(tmp_path / "t.csv", networks["energy"], [], tmp_path)
 
 
 @pytest.mark.parametrize(
