@@ -24,14 +24,11 @@ from .errors import SettingsError
 from .lattice.calibration import Calibration
 from .lattice.cholmod import factor
 from .lattice.lattice import BACK, build
+from .lattice.modulus import STRAIN, middle_strain
 from .material import Beams, Material
 from .packing.pack import Packing, pack
 from .surfaces.surface import generator
 
-STRAIN = 1e-3
-"""Nominal strain of a tensile test [-]; the lattice is linear, so it is only a scale."""
-SECTION = 0.5
-"""Part of the length, in the middle, where strain is measured [-]."""
 BRACKET = (0.2, 0.9)
 """Radius ratios between which the root is sought [-]: nu_M from 0.35 to 0.1."""
 
@@ -128,21 +125,6 @@ def dynamic_tensile_test(
         v[ends, axis] = final / (steps * dt) if step < steps else 0.0
     kernels.beam_forces(u, f, *mesh)
     return _measured(packing, axis, u, -f[far, axis].sum())
-
-
-def middle_strain(packing: Packing, u: FloatArray, axis: int) -> FloatArray:
-    """Normal strains along x, y, z, shape (3,), in the middle half along an axis: slopes of the fit u = a + B x.
-
-    Args:
-        packing: a flat box.
-        u: displacements of its spheres, shape (n, 6), of which the first three columns are read [mm].
-        axis: 0 to 2.
-    """
-    place = packing.centres - 0.5 * _edges(packing)
-    middle = np.abs(place[:, axis]) < 0.5 * SECTION * _edges(packing)[axis]
-    terms = np.column_stack([np.ones(middle.sum()), place[middle]])
-    slopes = np.linalg.lstsq(terms, u[middle, :3], rcond=None)[0][1:]
-    return np.diag(slopes).copy()
 
 
 def calibrate(

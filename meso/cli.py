@@ -167,12 +167,13 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
     resolved = _load(settings, overrides, preset)
     from .plates import make_plates
     from .results.folder import write_spheres
-    from .results.summary import packing_line, roughness_line
+    from .results.summary import modulus_line, packing_line, roughness_line
 
     plates = make_plates(resolved)
-    for body, packing in (("Wheel", plates.wheel_packing), ("Axle", plates.axle_packing)):
+    for body, (packing, lattice) in plates.bodies.items():
         mean, deviation = packing.envelope_error()
-        click.echo(f"{body:<16}{packing_line(packing)}")
+        click.echo(f"{body.capitalize():<16}{packing_line(packing)}")
+        click.echo(f"                modulus: {modulus_line(packing, lattice)}")
         click.echo(f"                surface: {roughness_line(packing.surface)}")
         click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
     for target in targets:

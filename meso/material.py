@@ -17,6 +17,9 @@ ExternalModulus = Literal["series", "paper"]
 ExternalFace = Literal["solid", "beams"]
 """How they resist shear: see `meso.lattice.lattice.build`."""
 
+PlateModulus = Literal["material", "beams"]
+"""What the beams of a plate are scaled to: see `meso.lattice.modulus`."""
+
 
 class Material(ElasticMaterial, frozen=True):
     """An isotropic elastic solid, by default axle steel, as in the press-fit solver.

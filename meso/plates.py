@@ -16,6 +16,7 @@ from .errors import PackingError
 from .lattice.calibration import beams_for
 from .lattice.candidates import ContactCandidates, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
+from .lattice.modulus import scaled_to
 from .material import Beams
 from .packing.cache import flat_packing
 from .packing.pack import Packing, morph
@@ -55,6 +56,11 @@ class Plates:
     def first_touch(self) -> float:
         """Height of the wheel's plate at which the faces first touch, before any slide [mm]."""
         return self.faces.first_touch()
+
+    @property
+    def bodies(self) -> dict[Body, tuple[Packing, Lattice]]:
+        """Packing and lattice of each plate."""
+        return {"wheel": (self.wheel_packing, self.wheel), "axle": (self.axle_packing, self.axle)}
 
     @property
     def area(self) -> float:
@@ -139,6 +145,8 @@ def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
         external_face=keys.external_face,
         external_modulus=keys.external_modulus,
     )
+    if keys.modulus == "material":
+        lattice = scaled_to(settings.material.youngs_modulus, packing, lattice)
     return packing, turned_over(lattice, 2.0 * keys.thickness) if body == "wheel" else lattice
 
 

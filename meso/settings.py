@@ -16,7 +16,7 @@ from macrofit.base.keys import KeyMistake, Keys, Positive, decode_tables, told
 from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_override
 
 from .errors import SettingsError
-from .material import Beams, ExternalFace, ExternalModulus, Material
+from .material import Beams, ExternalFace, ExternalModulus, Material, PlateModulus
 from .presets import DEFAULT, on_preset
 
 EngineName = Literal["auto", "quasi-static", "explicit"]
@@ -105,6 +105,9 @@ class PlateKeys(Keys, frozen=True):
     packing_seed: Annotated[Seed, told("Seed of the packings of both plates.")] = 0
     external_face: Annotated[ExternalFace, told("How the bars behind a plate resist shear.")] = "solid"
     external_modulus: Annotated[ExternalModulus, told("Modulus of the bars behind a plate.")] = "series"
+    modulus: Annotated[
+        PlateModulus, told("Beams scaled so that each plate has the material's modulus, or taken as they are.")
+    ] = "material"
 
     def check(self) -> None:
         """Check what one key alone cannot say.

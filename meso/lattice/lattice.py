@@ -44,6 +44,8 @@ class Lattice:
     """What holds each of them (see `meso.kernels`), shape (m, 5)."""
     twist: float
     """-nu/(1 + nu) of the beams [-]."""
+    scaling: float = 1.0
+    """Factor on the moduli of the beams that makes the plate as stiff as its material [-]; 1 where it is not known."""
 
     @property
     def nodes(self) -> int:
@@ -156,6 +158,7 @@ def turned_over(lattice: Lattice, height: float) -> Lattice:
         anchored=lattice.anchored,
         anchors=lattice.anchors * np.array([1.0, 1.0, -1.0, 1.0, 1.0]),
         twist=lattice.twist,
+        scaling=lattice.scaling,
     )
 
 

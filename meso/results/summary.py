@@ -15,6 +15,8 @@ import numpy as np
 from macrofit.base.toml import dump_toml
 
 from ..friction_test import FrictionTest
+from ..lattice.lattice import Lattice
+from ..lattice.modulus import own_modulus
 from ..material import Beams, Material
 from ..packing.pack import Packing
 from ..plates import Plates
@@ -50,7 +52,7 @@ def summary(test: FrictionTest, run_cpu_s: float) -> dict[str, Any]:
     not exist is None. `run_cpu_s` is the CPU time of everything after the plates: `setup_cpu_s` is part of it.
     """
     plates, fit = test.plates, affine(test.slides)
-    bodies = {"wheel": plates.wheel_packing, "axle": plates.axle_packing}
+    bodies = plates.bodies
     return {
         "title": test.settings.title,
         **slide_numbers(test.slides[0]),
@@ -61,8 +63,8 @@ def summary(test: FrictionTest, run_cpu_s: float) -> dict[str, Any]:
         "run_cpu_s": run_cpu_s,
         "slides": [slide_numbers(each) for each in test.slides],
         "affine_fit": None if fit is None else fit._asdict(),
-        "packing": {body: packing_numbers(packing) for body, packing in bodies.items()},
-        "roughness": {body: roughness_numbers(packing.surface) for body, packing in bodies.items()},
+        "packing": {body: packing_numbers(plate[0]) | modulus_numbers(*plate) for body, plate in bodies.items()},
+        "roughness": {body: roughness_numbers(packing.surface) for body, (packing, _) in bodies.items()},
         "beams": msgspec.to_builtins(plates.beams),
         "fingerprint": test.settings.fingerprint,
         "versions": versions(),
@@ -109,6 +111,16 @@ def packing_numbers(packing: Packing) -> dict[str, Any]:
     }
 
 
+def modulus_numbers(packing: Packing, lattice: Lattice) -> dict[str, float]:
+    """Young's modulus of a plate as it slides, and with its beams as they were before they were scaled."""
+    modulus = own_modulus(packing, lattice)
+    return {
+        "youngs_modulus_MPa": modulus,
+        "youngs_modulus_before_MPa": modulus / lattice.scaling,
+        "scaling": lattice.scaling,
+    }
+
+
 def roughness_numbers(surface: Surface) -> dict[str, float]:
     """Measures of a rough face, keys with their units."""
     return {
@@ -144,7 +156,15 @@ def slide_line(slide: Slide) -> str:
 def plates_line(plates: Plates) -> str:
     """The plates on one line, for the progress."""
     lattice = plates.lattice
-    return f"Plates        {lattice.nodes} spheres, {len(lattice.cols)} beams"
+    moduli = ", ".join(f"{body} {modulus_line(*plate)}" for body, plate in plates.bodies.items())
+    return f"Plates        {lattice.nodes} spheres, {len(lattice.cols)} beams; {moduli}"
+
+
+def modulus_line(packing: Packing, lattice: Lattice) -> str:
+    """The modulus of a plate for people, before its beams were scaled and after."""
+    found = modulus_numbers(packing, lattice)
+    before, after = (1e-3 * found[f"youngs_modulus_{which}MPa"] for which in ("before_", ""))
+    return f"{after:.0f} GPa" if lattice.scaling == 1.0 else f"{before:.0f} GPa, scaled to {after:.0f} GPa"
 
 
 def sentences(numbers: dict[str, Any]) -> list[str]:

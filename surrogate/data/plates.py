@@ -26,6 +26,7 @@ PLACES = {
     "cube": ("plates", "cube"),
     "external_face": ("plates", "external_face"),
     "external_modulus": ("plates", "external_modulus"),
+    "modulus": ("plates", "modulus"),
     "normal_stiffness": ("contact", "normal_stiffness"),
     "tangential_ratio": ("contact", "tangential_ratio"),
     "control": ("load", "control"),
@@ -35,6 +36,10 @@ PLACES = {
     "lay": ("surface", "lay"),
 }
 """Table and key of each field of `Plates` in the settings of a friction test."""
+
+
+OLDER = {"form": "tiles", "lay": "isotropic", "modulus": "beams"}
+"""Values of keys that older settings do not know."""
 
 
 class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -63,6 +68,8 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """How the bars behind a plate resist shear."""
     external_modulus: str = "series"
     """Modulus of the bars behind a plate."""
+    modulus: str = "beams"
+    """Whether the beams of a plate are scaled to the material's modulus."""
     normal_stiffness: float = 1.0
     """Normal stiffness of a contact over E_M (r_i + r_j)/2 [-]."""
     tangential_ratio: float = 0.8
@@ -96,8 +103,7 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
             KeyError: a key is missing.
             msgspec.ValidationError: a key has a value of another type.
         """
-        known = {**tables, "surface": {"form": "tiles", "lay": "isotropic", **tables["surface"]}}  # as of older ones
-        keys = {name: known[table][key] for name, (table, key) in PLACES.items()}
+        keys = {name: tables[table].get(key, OLDER.get(name)) for name, (table, key) in PLACES.items()}
         keys["engine"] = "quasi-static" if keys["engine"] == "auto" else keys["engine"]
         keys["speed"] = keys["speed"] if keys["engine"] == "explicit" else 0.0
         return msgspec.convert(keys, cls)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from found import Found
 
-from meso.calibrate import calibrate, dynamic_tensile_test, influence, middle_strain, sample, scatter, tensile_test
+from meso.calibrate import calibrate, dynamic_tensile_test, influence, sample, scatter, tensile_test
 from meso.errors import OutputError, SettingsError
 from meso.lattice.calibration import beams_for, read_calibration, steel, stored_calibration
+from meso.lattice.modulus import middle_strain
 from meso.material import Beams, Material
 from meso.packing.pack import Packing
 from meso.surfaces.surface import Surface
