@@ -43,7 +43,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench bench-check measures lint clean
+.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench bench-check networks measures lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -80,6 +80,36 @@ bench: setup-test ## measure everything anew (an hour) and write docs/benchmarks
 
 bench-check: setup-test ## every benchmark in its toy size, to see that it runs
 	$(PYTEST) --dist worksteal tests/benchmarks/test_quick.py
+
+PRESETS := slow as-published
+PAIRS := 1000
+MODELS := surrogate/network/models
+DATA := build/networks
+UNSEEN := --packings 3 --first-surface 31000 --first-packing 2000 --micro-friction 0.03,0.05,0.07,0.09
+networks: setup-network ## make the shipped networks anew from friction tests of theirs (an hour); PRESETS=slow for some
+	@mkdir -p $(DATA)
+	surrogate() { (set -x; $(BIN)/macrofit-surrogate "$$@"); }
+	for preset in $(PRESETS); do
+	    made=$(DATA)/$$preset
+	    surrogate generate --preset $$preset -o $$made.h5 --pairs $(PAIRS)
+	    surrogate generate --preset $$preset -o $$made-evaluation.h5 --pairs 101 $(UNSEEN)
+	    surrogate train $$made.h5 -o $$made-energy.safetensors
+	    case $$preset in
+	        slow)
+	            surrogate train $$made.h5 -o $$made-envelope.safetensors --faces envelope
+	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper
+	            surrogate table $$made-evaluation.h5 -o $(MODELS)/evaluation.csv
+	            cp $$made-energy.safetensors $(MODELS)/energy.safetensors
+	            cp $$made-envelope.safetensors $(MODELS)/envelope.safetensors
+	            cp $$made-cnn.safetensors $(MODELS)/paper.safetensors ;;
+	        *)
+	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper --points 9 --seeds 5
+	            surrogate table $$made.h5 -o $(MODELS)/$$preset-train.csv.gz
+	            surrogate table $$made-evaluation.h5 -o $(MODELS)/$$preset-evaluation.csv.gz
+	            cp $$made-energy.safetensors $$made-cnn.safetensors $(MODELS) ;;
+	    esac
+	    surrogate evaluate --preset $$preset -o $$made-evaluated
+	done
 
 measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
 	$(BIN)/python -m tests.code_measures --places

@@ -95,11 +95,9 @@ class Tiles:
         return face
 
     def _whole(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
-        """Predict from the faces: a network of another architecture has no step that could be kept."""
-        (seats, axle), (bores, wheel) = (np.unique(tiles, return_inverse=True) for tiles in (seat, bore))
-        wheels = self._side("wheel", bores).heights.numpy()[bores]
-        axles = self._side("axle", seats).heights.numpy()[seats]
-        return self.predictor(wheels, axles, wheel, axle, micro)
+        """Predict from what the paper's network makes of each face by itself."""
+        wheels, axles = self._side("wheel", bore), self._side("axle", seat)
+        return self.predictor.join(wheels.parts[torch.from_numpy(bore)], axles.parts[torch.from_numpy(seat)], micro)
 
     def _wanted(self, seat: IntArray, bore: IntArray, new: BoolArray) -> tuple[IntArray, IntArray]:
         """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
@@ -143,7 +141,12 @@ class Tiles:
         for tile in np.unique(tiles[~side.made[tiles]]).tolist():
             heights = generated_face(body, tile_seed(self.seed, tile), self.surface, self.predictor.provenance.points)
             side.heights[tile] = torch.from_numpy(heights)
-            side.roughness[tile] = upper_roughness(side.heights[tile])
+            if isinstance(self.predictor.model, FoundationEnsemble):
+                side.roughness[tile] = upper_roughness(side.heights[tile])
+            else:
+                part = self.predictor.face_part(body, side.heights[tile])
+                side.parts = side.parts if len(side.parts) else torch.zeros(len(side.made), *part.shape)
+                side.parts[tile] = part
             side.made[tile] = True
             self.faces += 1
         return side
@@ -162,6 +165,7 @@ class _Side:
     def __init__(self, count: int, shape: tuple[int, int]) -> None:
         self.heights = torch.zeros(count, *shape)
         self.roughness = torch.zeros(count, 2)
+        self.parts = torch.zeros(0)  # of the paper's network, once a face is made
         self.made = np.zeros(count, dtype=np.bool_)
 
 

@@ -111,8 +111,8 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     def unlike(self, asked: Plates) -> list[str]:
         """In which keys the plates of a run are others than these, in words.
 
-        The solid may differ a little. The faces are no matter of the plates: a network sees them. Nor is it told whether
-        their beams were scaled to the material's modulus, which is worth 0.1 to 0.4 % of a coefficient.
+        The solid may differ a little. The faces are no matter of the plates: a network sees them. Nor does it matter
+        whether beams were scaled to the material's modulus: that is worth 0.1 to 0.4 % of a coefficient.
         """
         low, high = ((1.0 + sign * YOUNGS_MODULUS_SLACK) * self.youngs_modulus for sign in (-1.0, 1.0))
         findings = []

@@ -6,15 +6,18 @@ coefficient. Heights in mm: wheel (pairs, n + 1, n + 1), axle (pairs, 2 n + 1, n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import pairwise
+from typing import Literal, TypeAlias
 
 import torch
 from torch import Tensor, nn
 
 from .foundation import Foundation
 
+Body: TypeAlias = Literal["axle", "wheel"]
+"""Name of a body."""
 PAIRS_PER_CHUNK = 64
 """Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
 LAWS_PER_CHUNK = 512
@@ -241,6 +244,40 @@ class LallemanCNN(nn.Module):
             layers += [nn.Conv2d(inputs, outputs, 3, padding=1), nn.ReLU()]
         return nn.Sequential(*layers, nn.Flatten())
 
+    def face_part(self, body: Body, face: Tensor) -> Tensor:
+        """What a face adds to the first dense layer, (1, units): it is the same in all pairs of that face.
+
+        Args:
+            body: whose face it is.
+            face: heights [mm], (n + 1, n + 1) of the wheel, (2 n + 1, n + 1) of the axle.
+        """
+        branch = self.wheel if body == "wheel" else self.axle
+        flat: Tensor = branch(((face - self.low[0]) / self.range[0])[None, None])[0]
+        weight = self.dense[0].weight
+        assert isinstance(weight, Tensor)
+        columns = weight[:, : len(flat)] if body == "wheel" else weight[:, -1 - len(flat) : -1]
+        return (columns @ flat)[None]
+
+    def join_parts(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation for pairs of faces, (pairs, 1) each, as `forward` gives them but for rounding.
+
+        The answer for a pair has the same bits whatever the others are: no matrix product, as in `FoundationEnsemble`.
+
+        Args:
+            wheel: `face_part` of the wheel's face of each pair, (pairs, 1, units).
+            axle: the same of the axle's, (pairs, 1, units).
+            micro: micro coefficients (pairs, 1).
+        """
+        first, *others = (layer for layer in self.dense if isinstance(layer, nn.Linear))
+        scaled = (micro - self.low[1]) / self.range[1]
+        hidden = (wheel[:, 0] + axle[:, 0] + scaled * first.weight[:, -1] + first.bias).relu()  # (P, units)
+        for layer in others:
+            total = layer.bias.expand(len(hidden), -1)
+            for column, unit in zip(layer.weight.T, hidden.T, strict=True):
+                total = total + unit[:, None] * column
+            hidden = total.relu()
+        return hidden * self.range[2] + self.low[2], self.widening.expand_as(hidden)
+
     def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
         faces = torch.cat(
@@ -276,8 +313,27 @@ class LallemanEnsemble(nn.Module):
         self.residual: Tensor
         self.widening: Tensor
 
+    def networks(self) -> Iterator[LallemanCNN]:
+        """The members, one after the other."""
+        for member in self.members:
+            assert isinstance(member, LallemanCNN)
+            yield member
+
+    def face_part(self, body: Body, face: Tensor) -> Tensor:
+        """What a face adds to the first dense layer of each member, (members, units); see `LallemanCNN.face_part`."""
+        return torch.cat([member.face_part(body, face) for member in self.networks()])
+
+    def join_parts(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation for pairs of faces, (pairs, 1) each, from the parts (pairs, members, units)."""
+        each = enumerate(self.networks())
+        return self._pooled([member.join_parts(wheel[:, k, None], axle[:, k, None], micro)[0] for k, member in each])
+
     def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
-        means = torch.stack([member(wheel, axle, micro)[0] for member in self.members])  # (M, P, k)
-        mean = means.mean(0)
-        return mean, self.widening * (self.residual.square() + (means - mean).square().mean(0)).sqrt()
+        return self._pooled([member(wheel, axle, micro)[0] for member in self.networks()])
+
+    def _pooled(self, means: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation from the answers of the members."""
+        each = torch.stack([*means])  # (M, P, k)
+        mean = mean_in_order(each)
+        return mean, self.widening * (self.residual.square() + mean_in_order((each - mean).square())).sqrt()

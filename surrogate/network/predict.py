@@ -15,7 +15,7 @@ from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 from ..errors import PredictionError
 from .checkpoint import Model, Provenance, load_checkpoint
-from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
+from .model import Body, FoundationEnsemble
 from .shipped import NETWORK
 
 
@@ -81,7 +81,6 @@ class Predictor:
         for name, which, count in (("wheel", wheel, len(wheels)), ("axle", axle, len(axles))):
             if which.shape != wheel.shape or (which.size and not 0 <= which.min() <= which.max() < count):
                 raise PredictionError(f"pairs name {name}s that are not there, or more of them than of the other")
-        micros = self._micros(micro, len(wheel))
         wheel_faces, axle_faces = (
             torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)) for heights in (wheels, axles)
         )
@@ -90,8 +89,7 @@ class Predictor:
             if isinstance(self.model, FoundationEnsemble):
                 slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
                 return self.answer(self.model.affine_laws(slopes, features), self.model.keeps_contact(features), micro)
-            mean, spread = self._one_by_one(self.model, wheel_faces, axle_faces, first, second, micros)
-        return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
+            return self.join(self._parts("wheel", wheel_faces, first), self._parts("axle", axle_faces, second), micro)
 
     def answer(self, laws: Tensor, in_contact: Tensor, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
@@ -117,15 +115,35 @@ class Predictor:
             raise PredictionError("a micro coefficient is not finite")
         return torch.from_numpy(np.broadcast_to(given, pairs).copy())[:, None]
 
-    @staticmethod
-    def _one_by_one(
-        model: LallemanCNN | LallemanEnsemble, wheels: Tensor, axles: Tensor, wheel: Tensor, axle: Tensor, micro: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Predict pair by pair: the bits of matrix products depend on the place in a batch."""
-        mean, spread = torch.empty(len(micro), 1), torch.empty(len(micro), 1)
-        for i, (w, x) in enumerate(zip(wheel.tolist(), axle.tolist(), strict=True)):
-            mean[i], spread[i] = model(wheels[w][None], axles[x][None], micro[i : i + 1].float())
-        return mean, spread
+    def face_part(self, body: Body, face: Tensor) -> Tensor:
+        """What the paper's network makes of a face [mm] by itself: all that is needed of it in any pair."""
+        assert not isinstance(self.model, FoundationEnsemble)
+        with torch.inference_mode():
+            return self.model.face_part(body, face)
+
+    def join(self, wheel: Tensor, axle: Tensor, micro: float | FloatArray) -> Prediction:
+        """The coefficients of pairs whose parts are known; the same bits as from their faces.
+
+        Args:
+            wheel: `face_part` of the wheel of each pair, (pairs, members, units).
+            axle: `face_part` of the axle of each pair.
+            micro: micro coefficients [-], (pairs,) or one for all.
+
+        Raises:
+            PredictionError: a micro coefficient that is not finite.
+        """
+        assert not isinstance(self.model, FoundationEnsemble)
+        micros = self._micros(micro, len(wheel)).float()
+        with torch.inference_mode():
+            mean, spread = self.model.join_parts(wheel, axle, micros)
+        return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
+
+    def _parts(self, body: Body, faces: Tensor, which: Tensor) -> Tensor:
+        """The parts of the face of each pair, each face once."""
+        distinct, row = np.unique(which.numpy(), return_inverse=True)
+        none = [torch.zeros(faces.shape[1:])]  # for the shape
+        parts = torch.stack([self.face_part(body, face) for face in [faces[k] for k in distinct.tolist()] or none])
+        return parts[torch.from_numpy(row)]
 
     @staticmethod
     def _check(name: str, heights: npt.NDArray[np.floating[Any]], shape: tuple[int, int]) -> None:

@@ -20,6 +20,8 @@ class Shipped(NamedTuple):
     """Convolutional networks as Lalleman et al. describe them, trained on the same split."""
     evaluation: Path
     """Friction tests of a hundred pairs of surfaces that no network here was trained on."""
+    database: Path | None = None
+    """Friction tests that both learned from."""
 
     def network(self, name: NetworkName) -> Path:
         """The file of a network."""
@@ -31,11 +33,12 @@ SHIPPED = {
     "as-published": Shipped(
         FOLDER / "as-published-energy.safetensors",
         FOLDER / "as-published-cnn.safetensors",
-        FOLDER / "as-published-evaluation.csv",
+        FOLDER / "as-published-evaluation.csv.gz",
+        FOLDER / "as-published-train.csv.gz",
     ),
 }
 """What there is for each preset of the plates."""
-NETWORK, PAPER, EVALUATION = SHIPPED["slow"]
+NETWORK, PAPER, EVALUATION = SHIPPED["slow"][:3]
 """Those of the default plates."""
 ENVELOPE = FOLDER / "envelope.safetensors"
 """Ensemble on foundations for the envelopes of the spheres of the default plates."""

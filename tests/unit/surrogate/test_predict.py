@@ -14,7 +14,7 @@ from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
 from surrogate.network.foundation import Foundation, SlideResponse
-from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
+from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, LallemanCNN, LallemanEnsemble, upper_roughness
 from surrogate.network.predict import Prediction, Predictor
 
 POINTS, WHEELS, AXLES = 17, 7, 11
@@ -35,19 +35,22 @@ def stored(path: Path, model: Model, options: EnsembleOptions | CNNOptions) -> P
 def network(architecture: str) -> tuple[Model, EnsembleOptions | CNNOptions]:
     """Random weights: every layer counts."""
     torch.manual_seed(0)
-    options = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD) if architecture == "energy" else CNNOptions(POINTS)
+    seeds = {"paper": 1, "seeds": 3}
+    options: EnsembleOptions | CNNOptions = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD)
+    if architecture != "energy":
+        options = CNNOptions(POINTS, members=seeds[architecture])
     model = options.build_network()
     if isinstance(model, FoundationEnsemble):
         for parameter in model.parameters():
             torch.nn.init.normal_(parameter, std=0.3)
         model.lost.fill_(0.1)
         model.scale.fill_(0.5)
-    else:
-        model.low[0], model.range[0] = -0.02, 0.04
+    for member in [model] if isinstance(model, LallemanCNN) else getattr(model, "members", []):
+        member.low[0], member.range[0] = -0.02, 0.04
     return model, options
 
 
-@pytest.fixture(scope="module", params=["energy", "paper"])
+@pytest.fixture(scope="module", params=["energy", "paper", "seeds"])
 def predictor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Predictor:
     with torch.random.fork_rng(devices=[]):
         model, options = network(request.param)
@@ -88,6 +91,25 @@ def test_bits_of_a_pair_depend_on_no_other(predictor: Predictor) -> None:
             wheels[[wheel]], axles[[axle]], np.zeros(1, np.int64), np.zeros(1, np.int64), COEFFICIENTS[[row]]
         )
         assert same(whole, alone, [row])
+
+
+@pytest.mark.parametrize("architecture", ["paper", "seeds"])
+def test_parts_of_faces_make_the_papers_network(architecture: str) -> None:
+    """The same numbers but for rounding."""
+    model, _ = network(architecture)
+    assert isinstance(model, LallemanCNN | LallemanEnsemble)
+    wheels, axles = (torch.from_numpy(heights) for heights in faces())
+    rows, micro = torch.arange(5), torch.linspace(0.03, 0.09, 5)[:, None]
+    with torch.inference_mode():
+        mean, spread = model(wheels[rows], axles[rows], micro)
+        parts = [
+            torch.stack([model.face_part(body, face) for face in some[rows]])  # type: ignore[arg-type]
+            for body, some in (("wheel", wheels), ("axle", axles))
+        ]
+        joined, stated = model.join_parts(*parts, micro)
+    assert float(mean.std()) > 1e-4
+    torch.testing.assert_close(joined, mean, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(stated, spread, rtol=1e-3, atol=1e-6)
 
 
 def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:

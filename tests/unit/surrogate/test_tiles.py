@@ -53,9 +53,10 @@ def energy(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
     return network(options, tmp_path_factory.mktemp("network") / "energy.safetensors")
 
 
-@pytest.fixture(scope="module")
-def paper(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
-    return network(CNNOptions(POINTS), tmp_path_factory.mktemp("network") / "paper.safetensors")
+@pytest.fixture(scope="module", params=[1, 3], ids=["alone", "several"])
+def paper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Predictor:
+    options = CNNOptions(POINTS, members=request.param)
+    return network(options, tmp_path_factory.mktemp("network") / "paper.safetensors")
 
 
 def tiles(asked: Predictor) -> Tiles:
@@ -114,6 +115,22 @@ def test_the_papers_network_is_asked_itself(paper: Predictor) -> None:
     for rows in (MIXED[:20], MIXED[10:30]):
         assert same(whole, rows, asked.predict(SEAT[rows], BORE[rows], 0.05))
     assert asked.prepared == 0
+
+
+def test_the_papers_network_looks_at_each_face_once(paper: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its convolutions cost a hundred times what joining two faces does."""
+    looked: list[str] = []
+    face_part = Predictor.face_part
+
+    def counted(self: Predictor, body: Any, face: Any) -> Any:
+        looked.append(body)
+        return face_part(self, body, face)
+
+    monkeypatch.setattr(Predictor, "face_part", counted)
+    asked = tiles(paper)
+    for micro in (0.03, 0.09):
+        asked.predict(SEAT, BORE, micro)
+    assert (looked.count("axle"), looked.count("wheel")) == COUNTS
 
 
 def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
