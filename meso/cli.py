@@ -167,7 +167,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
     resolved = _load(settings, overrides, preset)
     from .plates import make_plates
     from .results.folder import write_spheres
-    from .results.summary import modulus_line, packing_line, roughness_line
+    from .results.summary import modulus_line, packing_line, resonance_line, roughness_line
 
     plates = make_plates(resolved)
     for body, (packing, lattice) in plates.bodies.items():
@@ -176,6 +176,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
         click.echo(f"                modulus: {modulus_line(packing, lattice)}")
         click.echo(f"                surface: {roughness_line(packing.surface)}")
         click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
+    click.echo(f"Resonance       {resonance_line(plates)}")
     for target in targets:
         if target.suffix.lower() == ".png":
             from macrofit.base.figure import save

@@ -4,7 +4,8 @@
     engine = QuasiStatic(plates) or Explicit(plates)
     slide  = engine.slide(micro_friction)            # squeeze, slide: N, T along the way; as often as asked
 
-`run` does the three, picks the engine, and falls back on the explicit one where the quasi-static finds no equilibrium.
+`run` does the three and picks the engine by the settings. Where `auto` finds no equilibrium, the explicit engine
+answers, and the answer says that it is doubtful.
 """
 
 from __future__ import annotations
@@ -73,7 +74,14 @@ def run(settings: Settings, watch: Callable[[str], None] = lambda stage: None) -
 def slid(
     plates: Plates, engine: Engine, coefficients: tuple[float, ...], watch: Callable[[str], None] = lambda stage: None
 ) -> Iterator[Slide]:
-    """One slide after the other; the explicit engine steps in, with a remark, where there is no equilibrium."""
+    """One slide after the other.
+
+    Where `auto` finds no equilibrium the explicit engine steps in, at `engine.speed`, and the slide says that it is
+    doubtful: on external faces as stiff as the solid, the only ones `auto` is for, it differs by the speed alone.
+
+    Raises:
+        Unsettled: the quasi-static engine was asked for by name and finds no equilibrium.
+    """
     from .engines.quasistatic import Unsettled
 
     for micro_friction in coefficients:
@@ -81,25 +89,29 @@ def slid(
         try:
             yield engine.slide(micro_friction)
         except Unsettled as unsettled:
+            if plates.settings.engine.name != "auto":
+                raise Unsettled(
+                    f"{unsettled}: take a smaller engine.increment, or engine.name = 'explicit' for all pairs"
+                ) from unsettled
             from dataclasses import replace
 
             from .engines.explicit import Explicit
 
             watch(f"{unsettled}; the explicit engine takes over")
             slide = Explicit(plates).slide(micro_friction)
-            yield replace(slide, remark=f"quasi-static: {unsettled}")
+            yield replace(slide, remark=f"doubtful, slid at {1e-3 * plates.speed:g} m/s instead: {unsettled}")
 
 
 def engine_name(settings: Settings) -> str:
     """The engine that `auto` stands for here.
 
-    Explicit where a time step is given, where beams may break, and where the condensed plates grow too large.
+    Explicit where a time step or a resonance is given, where beams may break, and where the condensed plates grow too
+    large. The settings alone decide, never the surfaces.
     """
     keys = settings.engine
     if keys.name != "auto":
         return keys.name
-    asked = keys.breakage is not None or keys.time_step is not None
-    return "explicit" if asked or settings.plates.spheres > LARGEST_CONDENSED else "quasi-static"
+    return "explicit" if keys.dynamic or settings.plates.spheres > LARGEST_CONDENSED else "quasi-static"
 
 
 def prepared(plates: Plates) -> Engine:

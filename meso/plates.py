@@ -17,6 +17,7 @@ from .lattice.calibration import beams_for
 from .lattice.candidates import ContactCandidates, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
 from .lattice.modulus import scaled_to
+from .lattice.sway import sway_frequency
 from .material import Beams
 from .packing.cache import flat_packing
 from .packing.pack import Packing, morph
@@ -61,6 +62,23 @@ class Plates:
     def bodies(self) -> dict[Body, tuple[Packing, Lattice]]:
         """Packing and lattice of each plate."""
         return {"wheel": (self.wheel_packing, self.wheel), "axle": (self.axle_packing, self.axle)}
+
+    @cached_property
+    def sway(self) -> tuple[float, float]:
+        """Frequencies at which the wheel's and the axle's plate sway on their external faces [Hz]."""
+        return sway_frequency(self.wheel), sway_frequency(self.axle)
+
+    @property
+    def resonance(self) -> float:
+        """f d: geometric mean of the sway frequencies times the mean diameter of the spheres [mm/s]."""
+        wheel, axle = self.sway
+        return float(np.sqrt(wheel * axle)) * 2.0 * float(self.lattice.radii.mean())
+
+    @property
+    def speed(self) -> float:
+        """Speed of the slide in the explicit engine [mm/s]: `engine.speed`, or `engine.resonance` times f d."""
+        keys = self.settings.engine
+        return keys.speed if keys.resonance is None else keys.resonance * self.resonance
 
     @property
     def area(self) -> float:

@@ -22,6 +22,8 @@ class Curve:
     """N, pushing the plates apart, shape (n,) [N]."""
     tangential: FloatArray
     """T, against the slide, shape (n,) [N]."""
+    lateral: FloatArray
+    """T_y, across the slide, shape (n,) [N]; its mean is near 0."""
     height: FloatArray
     """Height of the wheel's plate over the position in which the nominal faces coincide, shape (n,) [mm]."""
     share: FloatArray
@@ -55,6 +57,13 @@ class Curve:
         """Mean of T/N where there is contact [-]; it differs from `coefficient` where N varies much."""
         held = self.normal > 0.0
         return float(self.share[held] @ self.friction[held] / self.share[held].sum()) if held.any() else float("nan")
+
+    @property
+    def resultant(self) -> float:
+        """Mean of sqrt(T^2 + T_y^2) over mean N [-]: another reading of "tangential"; every swing counts in full."""
+        if not self.mean_normal > 0.0:
+            return float("nan")
+        return float(self.share @ np.hypot(self.tangential, self.lateral)) / self.mean_normal
 
     @property
     def uncertainty(self) -> float:

@@ -165,12 +165,12 @@ class _Run:
     def _squeeze(self) -> Curve:
         keys, touch = self.settings.engine, self.plates.first_touch
         target, speed = self.plates.target, keys.approach_speed
-        rows = [(0.0, 0.0, 0.0, touch)]
+        rows = [(0.0, 0.0, 0.0, touch, 0.0)]
 
         def press(steps: int, velocity: float) -> float:
             sums = self.advance(steps, (0.0, velocity), keys.squeeze_damping)
             height = float(self.body.drive[2])
-            rows.append((touch - height, sums.force[2], -sums.force[0], height))
+            rows.append((touch - height, sums.force[2], -sums.force[0], height, -sums.force[1]))
             return float(sums.force[2])
 
         rest = max(CHUNK, int(REST_S / self.dt))
@@ -196,7 +196,7 @@ class _Run:
         return _curve(np.array(rows), 0.0)
 
     def _correct(
-        self, press: Callable[[int, float], float], rest: int, rows: list[tuple[float, float, float, float]]
+        self, press: Callable[[int, float], float], rest: int, rows: list[tuple[float, float, float, float, float]]
     ) -> None:
         """Come to rest at the pressure asked for, between an approach that gave less of it and one that gave more.
 
@@ -239,10 +239,10 @@ class _Run:
         rows, stretches = [], []
         for end in np.linspace(0.0, slide, keys.samples + 1)[1:]:
             way = end - self.body.drive[0]
-            steps = max(1, round(way / (keys.speed * min(1.0, (end / (START * slide)) ** 0.5)) / self.dt))
+            steps = max(1, round(way / (self.plates.speed * min(1.0, (end / (START * slide)) ** 0.5)) / self.dt))
             speed = way / (steps * self.dt)
             sums = self.advance(steps, (speed, 0.0), speed / keys.damping_length, target)
-            rows.append((end, sums.force[2], -sums.force[0], self.body.drive[2]))
+            rows.append((end, sums.force[2], -sums.force[0], self.body.drive[2], -sums.force[1]))
             stretches.append((sums.work, sums.friction, sums.damping, sums.released))
         work, friction, damping, released = (float(total) for total in np.sum(stretches, axis=0))
         return _curve(np.array(rows), 0.0), work, friction, damping, released
@@ -296,7 +296,7 @@ def _breaks(body: _Body) -> Breaks | None:
 
 
 def _curve(rows: FloatArray, start: float) -> Curve:
-    """Rows of displacement at the end of a stretch, mean N and T over it, height at its end."""
+    """Rows of displacement at the end of a stretch, mean N and T over it, height at its end, mean T_y."""
     step = np.diff(rows[:, 0], prepend=start)
     return Curve(
         displacement=rows[:, 0],
@@ -304,6 +304,7 @@ def _curve(rows: FloatArray, start: float) -> Curve:
         normal=rows[:, 1],
         tangential=rows[:, 2],
         height=rows[:, 3],
+        lateral=rows[:, 4],
         share=step / max(step.sum(), 1e-300),
         tangential_work=float(step @ rows[:, 2]),
     )

@@ -249,6 +249,7 @@ def _curve(rows: FloatArray, displacement: FloatArray) -> Curve:
         start=float(displacement[0]),
         normal=normal,
         tangential=-rows[:, 3],
+        lateral=-rows[:, 4],
         height=rows[:, 2],
         share=share / max(step.sum(), 1e-300),
         tangential_work=work + raised,

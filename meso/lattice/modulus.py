@@ -20,8 +20,8 @@ import numpy as np
 from macrofit.base.arrays import BoolArray, FloatArray
 
 from .. import kernels
-from ..errors import SettingsError
 from ..packing.pack import Packing
+from .equilibrium import cut, forces, settled
 from .lattice import BACK, Lattice
 
 STRAIN = 1e-3
@@ -30,12 +30,6 @@ SECTION = 0.5
 """Part of the length, in the middle, where the strain of a block is measured [-]."""
 BLOCK = 0.5
 """Thickness over the shorter edge from which a plate is a block [-]."""
-RESIDUAL = 1e-6
-"""Residual over its start at which a pulled plate is in equilibrium [-]: its modulus is then right to 1e-7."""
-ITERATIONS = 20_000
-"""Conjugate gradients at most; 70 to 300 are usual."""
-DIGITS = 6
-"""Kept in the factor on the beams: what rounding does in another order of the spheres, or elsewhere, is cut off."""
 
 
 def own_modulus(packing: Packing, lattice: Lattice) -> float:
@@ -64,7 +58,7 @@ def scaled_to(modulus: float, packing: Packing, lattice: Lattice) -> Lattice:
     Raises:
         SettingsError: as `own_modulus`.
     """
-    factor = float(f"{modulus / own_modulus(packing, lattice):.{DIGITS}g}")
+    factor = cut(modulus / own_modulus(packing, lattice))
     beams = lattice.beams.copy()
     beams[:, [kernels.AXIAL, kernels.BENDING]] *= factor
     return replace(lattice, beams=beams, scaling=factor * lattice.scaling)
@@ -94,8 +88,8 @@ def _pulled(packing: Packing, lattice: Lattice, axis: int) -> tuple[float, Float
     free[near | far, axis] = 0.0
     start = np.zeros((lattice.nodes, 6))
     start[:, axis] = STRAIN * packing.centres[:, axis]
-    u = _settled(bare, start, free)
-    force = _forces(bare, u)[far, axis].sum()
+    u = settled(bare, start, free=free)
+    force = forces(bare, u)[far, axis].sum()
     area = np.prod([*packing.size, packing.thickness]) / (*packing.size, packing.thickness)[axis]
     return float(-force / area), u
 
@@ -105,50 +99,3 @@ def _ends(packing: Packing, axis: int) -> tuple[BoolArray, BoolArray]:
     x, reach = packing.centres.T, BACK * packing.radii
     far = packing.size[axis] if axis < 2 else packing.thickness + packing.surface.at(x[0], x[1])
     return x[axis] < reach, far - x[axis] < reach
-
-
-def _forces(lattice: Lattice, u: FloatArray) -> FloatArray:
-    force = np.zeros_like(u)
-    kernels.beam_forces(
-        u, force, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist
-    )
-    return force
-
-
-def _settled(lattice: Lattice, start: FloatArray, free: FloatArray) -> FloatArray:
-    """The displacements in equilibrium (n, 6): conjugate gradients from `start`, where `free` is 1, by the diagonal.
-
-    Motions that the beams do not resist stay as they are: nothing loads them. No factor is made: this costs as much as
-    fifty to three hundred time steps.
-    """
-    inverse = free / _diagonal(lattice)
-    u, residual = start.copy(), free * _forces(lattice, start)
-    step = z = inverse * residual
-    power = first = np.sum(residual * z)
-    for _ in range(ITERATIONS):
-        if power <= RESIDUAL**2 * first:
-            return u
-        product = -free * _forces(lattice, step)
-        length = power / np.sum(step * product)
-        u += length * step
-        residual -= length * product
-        z = inverse * residual
-        before, power = power, np.sum(residual * z)
-        step = z + power / before * step
-    raise SettingsError(
-        "beams: the plate's own modulus is not found, its beams are too thin: take a larger beams.radius_ratio, or "
-        "plates.modulus = 'beams'"
-    )
-
-
-def _diagonal(lattice: Lattice) -> FloatArray:
-    """Diagonal of the stiffness, shape (n, 6)."""
-    e2, bending = lattice.beams[:, :3] ** 2, lattice.beams[:, kernels.BENDING, None]
-    per_length, axial = lattice.beams[:, kernels.PER_LENGTH, None], lattice.beams[:, kernels.AXIAL, None]
-    force = 12.0 * bending * per_length**2 * (1.0 - e2) + axial * e2
-    both = np.concatenate([force, bending * (4.0 * (1.0 - e2) + (1.0 + lattice.twist) * e2)], axis=1)
-    first, last = lattice.first, lattice.cols
-    return np.stack(
-        [np.bincount(first, column, lattice.nodes) + np.bincount(last, column, lattice.nodes) for column in both.T],
-        axis=1,
-    )

@@ -90,8 +90,11 @@ def wall_height(heights, dx, dy, x, y):
 
 
 @njit(cache=True)
-def _forces(x, r, pairs, size, thickness, heights, force):
-    """Forces -dU/dx of U = sum of overlap^2 / 2 over pairs and walls; returns the mean contact force."""
+def _forces(x, r, pairs, size, thickness, heights, lowest, force):
+    """Forces -dU/dx of U = sum of overlap^2 / 2 over pairs and walls; returns the mean contact force.
+
+    Spheres far below `lowest`, the least of the heights, are not near the rough wall.
+    """
     dx, dy = size[0] / (heights.shape[0] - 1), size[1] / (heights.shape[1] - 1)
     force[:] = 0.0
     total, contacts = 0.0, 0
@@ -116,7 +119,7 @@ def _forces(x, r, pairs, size, thickness, heights, force):
         for a in range(2):
             force[i, a] += max(0.0, r[i] - x[i, a]) - max(0.0, x[i, a] + r[i] - size[a])
         force[i, 2] += max(0.0, r[i] - x[i, 2])
-        if x[i, 2] + 3.0 * r[i] > thickness + heights.min():
+        if x[i, 2] + 3.0 * r[i] > thickness + lowest:
             h, hx, hy = wall_height(heights, dx, dy, x[i, 0], x[i, 1])
             nz = 1.0 / np.sqrt(1.0 + hx * hx + hy * hy)
             overlap = r[i] - (thickness + h - x[i, 2]) * nz
@@ -135,7 +138,7 @@ def quench(x, r, size, thickness, heights, iterations, tolerance):
     Bitzek et al. 2006, Phys. Rev. Lett. 97, 170201.
     """
     n = len(r)
-    mean = r.mean()
+    mean, lowest = r.mean(), heights.min()
     skin = SKIN * mean
     v = np.zeros((n, 3))
     force = np.zeros((n, 3))
@@ -143,7 +146,7 @@ def quench(x, r, size, thickness, heights, iterations, tolerance):
     origin = x.copy()
     dt, alpha, uphill = 0.1, 0.1, 0
     for iteration in range(iterations):
-        contact = _forces(x, r, pairs, size, thickness, heights, force)
+        contact = _forces(x, r, pairs, size, thickness, heights, lowest, force)
         ff, vv, power = 0.0, 0.0, 0.0
         for i in range(n):
             for a in range(3):

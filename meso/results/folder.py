@@ -29,8 +29,8 @@ SETTINGS, SUMMARY, CURVE, SQUEEZE, DATA = "settings.toml", "summary.json", "curv
 FIGURES = ("surfaces.png", "plates.png", "forces.png")
 FIGURE = ".png"
 MARK = "# Settings of a run of macrofit-meso, every default written out. mm, N, MPa, t, s.\n"
-HEADER = "displacement_mm,normal_force_N,tangential_force_N,friction"
-SQUEEZE_HEADER = "approach_mm,normal_force_N,tangential_force_N,friction"
+HEADER = "displacement_mm,normal_force_N,tangential_force_N,friction,lateral_force_N"
+SQUEEZE_HEADER = "approach_mm,normal_force_N,tangential_force_N,friction,lateral_force_N"
 
 
 def prepare(folder: Path, settings: Settings) -> None:
@@ -67,7 +67,7 @@ def write_slide(folder: Path, slide: Slide, *, first: bool, several: bool) -> No
 
 def write_curve(path: Path, curve: Curve, header: str = HEADER) -> None:
     """Forces along the way as text, every digit kept."""
-    columns = (curve.displacement, curve.normal, curve.tangential, curve.friction)
+    columns = (curve.displacement, curve.normal, curve.tangential, curve.friction, curve.lateral)
     _write_rows(path, header, zip(*(column.tolist() for column in columns), strict=True))
 
 
@@ -131,7 +131,8 @@ def write_data(folder: Path, plates: Plates, tops: Mapping[str, Surface], slides
 
 
 def _curve(group: Any, curve: Curve) -> None:
-    units = {"displacement": "mm", "normal": "N", "tangential": "N", "friction": "1", "height": "mm", "share": "1"}
+    units = {"displacement": "mm", "normal": "N", "tangential": "N", "lateral": "N", "friction": "1", "height": "mm"}
+    units["share"] = "1"
     for name, unit in units.items():
         _dataset(group, name, getattr(curve, name), unit)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from macrofit.base.toml import dump_toml
 
-from ..friction_test import FrictionTest
+from ..friction_test import FrictionTest, engine_name
 from ..lattice.lattice import Lattice
 from ..lattice.modulus import own_modulus
 from ..material import Beams, Material
@@ -65,6 +65,7 @@ def summary(test: FrictionTest, run_cpu_s: float) -> dict[str, Any]:
         "affine_fit": None if fit is None else fit._asdict(),
         "packing": {body: packing_numbers(plate[0]) | modulus_numbers(*plate) for body, plate in bodies.items()},
         "roughness": {body: roughness_numbers(packing.surface) for body, (packing, _) in bodies.items()},
+        "resonance": resonance_numbers(plates) if sways(plates) else None,
         "beams": msgspec.to_builtins(plates.beams),
         "fingerprint": test.settings.fingerprint,
         "versions": versions(),
@@ -80,6 +81,7 @@ def slide_numbers(slide: Slide) -> dict[str, Any]:
         "micro_friction": slide.micro_friction,
         "meso_friction": curve.coefficient,
         "meso_friction_mean_of_ratio": curve.mean_of_ratio,
+        "meso_friction_resultant": curve.resultant,
         "uncertainty": curve.uncertainty,
         "engine": slide.engine,
         "steps": slide.steps,
@@ -121,6 +123,37 @@ def modulus_numbers(packing: Packing, lattice: Lattice) -> dict[str, float]:
     }
 
 
+def sways(plates: Plates) -> bool:
+    """Whether the sway of the plates matters: they are slid at a speed, or on faces softer than the solid."""
+    return engine_name(plates.settings) == "explicit" or plates.settings.plates.external_face == "beams"
+
+
+def resonance_numbers(plates: Plates) -> dict[str, float]:
+    """The sway resonance, and the speed beside it where the explicit engine slides."""
+    wheel, axle = plates.sway
+    explicit = engine_name(plates.settings) == "explicit"
+    return {
+        "wheel_sway_Hz": wheel,
+        "axle_sway_Hz": axle,
+        "mean_diameter_mm": 2.0 * float(plates.lattice.radii.mean()),
+        "f_d_mm_s": plates.resonance,
+        "speed_mm_s": plates.speed if explicit else 0.0,
+        "speed_over_f_d": plates.speed / plates.resonance if explicit else 0.0,
+    }
+
+
+def resonance_line(plates: Plates) -> str:
+    """The sway resonance for people."""
+    found = resonance_numbers(plates)
+    line = (
+        f"f d {1e-3 * found['f_d_mm_s']:.3g} m/s (wheel {1e-3 * found['wheel_sway_Hz']:.0f} kHz, axle "
+        f"{1e-3 * found['axle_sway_Hz']:.0f} kHz, d {1e3 * found['mean_diameter_mm']:.0f} µm)"
+    )
+    if not found["speed_mm_s"]:
+        return line
+    return f"{line}, slid at {1e-3 * found['speed_mm_s']:.3g} m/s, {found['speed_over_f_d']:.2g} f d"
+
+
 def roughness_numbers(surface: Surface) -> dict[str, float]:
     """Measures of a rough face, keys with their units."""
     return {
@@ -157,7 +190,8 @@ def plates_line(plates: Plates) -> str:
     """The plates on one line, for the progress."""
     lattice = plates.lattice
     moduli = ", ".join(f"{body} {modulus_line(*plate)}" for body, plate in plates.bodies.items())
-    return f"Plates        {lattice.nodes} spheres, {len(lattice.cols)} beams; {moduli}"
+    resonance = f"; {resonance_line(plates)}" if sways(plates) else ""
+    return f"Plates        {lattice.nodes} spheres, {len(lattice.cols)} beams; {moduli}{resonance}"
 
 
 def modulus_line(packing: Packing, lattice: Lattice) -> str:
@@ -170,6 +204,7 @@ def modulus_line(packing: Packing, lattice: Lattice) -> str:
 def sentences(numbers: dict[str, Any]) -> list[str]:
     """A summary in a few lines for people."""
     lines = [_verdict(each) for each in numbers["slides"]]
+    lines += [_resultant(each) for each in numbers["slides"] if np.isfinite(each["meso_friction_resultant"])]
     if any(np.isfinite(each["uncertainty"]) for each in numbers["slides"]):
         lines.append("Uncertainty     ± is the standard error along the slide, by which surfaces of this kind scatter")
     fit = numbers["affine_fit"]
@@ -189,13 +224,20 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
                 "smaller engine.increment or another engine, and do not rely on it"
             )
         if each["remark"]:
-            lines.append(f"Remark          micro {each['micro_friction']:g}: {each['remark']}")
+            lines.append(f"Doubt           micro {each['micro_friction']:g}: {each['remark']}")
     engines = " and ".join(dict.fromkeys(each["engine"] for each in numbers["slides"]))
     lines.append(
         f"Engine          {engines}; {numbers['packing_cpu_s']:.2f} s of CPU for the plates, "
         f"{numbers['run_cpu_s']:.2f} s for the rest"
     )
     return lines
+
+
+def _resultant(each: dict[str, Any]) -> str:
+    return (
+        f"Resultant       {each['meso_friction_resultant']:.4f} for micro {each['micro_friction']:g}: mean of "
+        "sqrt(Tx² + Ty²) over mean N, another reading"
+    )
 
 
 def _verdict(each: dict[str, Any]) -> str:

@@ -174,7 +174,10 @@ def invariances(rng: Rng) -> Iterator[Case]:
     for k in range(6):
         keys = [f"surface.{body}_seed={rng.integers(1, 9999)}" for body in ("wheel", "axle")]
         keys += ["engine.tolerance=1e-7", f"contact.micro_friction={rng.uniform(0.01, 0.3)}", "load.interference=0.005"]
-        keys += ["engine.samples=100", *(["plates.external_face=beams"] if k % 3 == 2 else [])]
+        keys += [
+            "engine.samples=100",
+            *(["plates.external_face=beams", "engine.name=quasi-static"] if k % 3 == 2 else []),
+        ]
         plates = make_plates(load(None, ["plates.spheres=600", *keys]))
         for change in (reordered, shifted, mirrored, exchanged, stiffer, larger):
             yield lambda plates=plates, change=change: alike(plates, change(plates), QuasiStatic, change.__name__)
@@ -368,6 +371,7 @@ def lattices(rng: Rng) -> Iterator[Case]:
             f"plates.packing_seed={k % 4}",
         ]
         keys += [f"plates.external_face={('solid', 'beams')[k % 2]}", f"surface.levels={1 + k % 6}"]
+        keys += ["engine.name=quasi-static"]
         yield lambda keys=keys: lattice_laws(make_plates(load(None, [*PLATES, *keys])))
 
 

@@ -55,7 +55,12 @@ MODEL = {
     "k_t over k_n": [(f"{k:g}", [f"contact.tangential_ratio={k}"]) for k in (0.4, 1)],
     "pressure [MPa]": [(f"{p:g}", [f"load.pressure={p}"]) for p in (85, 340)],
     "control": [("force", ["load.control=force"])],
-    "external face": [("beams, as printed", ["plates.external_face=beams", "plates.external_modulus=paper"])],
+    "external face": [
+        (
+            "beams, as printed, at 0.75 f d",
+            ["plates.external_face=beams", "plates.external_modulus=paper", "engine.resonance=0.75"],
+        )
+    ],
 }
 SPHERES, PACKINGS = (1000, 1500, 3000, 6000, 12_000), 3
 DENSITY = 1000

@@ -95,7 +95,7 @@ def plates(rng: Rng) -> Iterator[Case]:
         yield test(
             f"plates.spheres={rng.integers(300, 901)}", f"plates.thickness={rng.uniform(0.2, 0.5)}",
             f"plates.cube={0.5 + log(rng, 1e-3, 10.0)}", f"plates.packing_seed={rng.integers(2**31)}",
-            f"plates.external_face={('solid', 'beams')[k % 2]}",
+            f"plates.external_face={('solid', 'beams')[k % 2]}", f"engine.name={('auto', 'quasi-static')[k % 2]}",
             f"plates.external_modulus={('series', 'paper')[k // 2 % 2]}",
             *([] if k % 5 else ["plates.edge=0.5", "load.slide=0.5"]),
         )  # fmt: skip

@@ -62,7 +62,7 @@ def test_the_modulus_knows_no_side() -> None:
 
 
 def test_beams_too_thin_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meso.lattice.modulus.ITERATIONS", 5)
+    monkeypatch.setattr("meso.lattice.equilibrium.ITERATIONS", 5)
     box = flat_packing(300, (1.0, 1.0), 0.4, 0)
     with pytest.raises(SettingsError, match=r"take a larger beams\.radius_ratio"):
         own_modulus(box, build(box, Material(), steel()))

@@ -34,7 +34,7 @@ NUMBERS = {
     "meso_friction", "meso_friction_mean_of_ratio", "uncertainty", "micro_friction", "spheres", "bonds", "engine",
     "steps", "bond_steps_per_s", "unconverged_increments", "packing_cpu_s", "run_cpu_s", "largest_residual",
     "mean_normal_force_N", "mean_tangential_force_N", "approach_mm", "work", "packing", "roughness", "versions",
-    "remark", "setup_cpu_s", "slides", "affine_fit",
+    "remark", "setup_cpu_s", "slides", "affine_fit", "meso_friction_resultant", "resonance",
 }  # fmt: skip
 
 
@@ -189,7 +189,8 @@ def test_the_data_of_a_run(place):
         second = file["slides/1"]
         assert second.attrs["micro_friction"] == 0.2
         assert second.attrs["meso_friction"] == numbers["slides"][1]["meso_friction"]
-        table = np.stack([second[f"slide/{name}"][:] for name in ("displacement", "normal", "tangential", "friction")])
+        columns = ("displacement", "normal", "tangential", "friction", "lateral")
+        table = np.stack([second[f"slide/{name}"][:] for name in columns])
         np.testing.assert_array_equal(table.T, rows(place / "out" / "curve_0.2.csv"))
         assert second["squeeze/normal"].attrs["unit"] == "N"
 

@@ -27,6 +27,7 @@ def curve(normal: list[float], tangential: list[float], way: float = 1.0) -> Cur
     return Curve(
         displacement=step * np.arange(1, n + 1), start=0.0, normal=np.array(normal), tangential=np.array(tangential),
         height=np.zeros(n), share=np.full(n, 1.0 / n), tangential_work=step * float(np.sum(tangential)),
+        lateral=0.5 * np.array(tangential),
     )  # fmt: skip
 
 
@@ -88,8 +89,9 @@ def test_the_curve_keeps_every_digit(tmp_path):
     rough = slide(curve=curve([1 / 3, 0.0, 2e17], [1e-300, 5.0, 0.1]))
     output.write_slide(tmp_path, rough, first=True, several=False)
     header, rows = read_csv(tmp_path / "curve.csv")
-    assert header == "displacement_mm,normal_force_N,tangential_force_N,friction"
-    columns = (rough.curve.displacement, rough.curve.normal, rough.curve.tangential, rough.curve.friction)
+    assert header == "displacement_mm,normal_force_N,tangential_force_N,friction,lateral_force_N"
+    forces = (rough.curve.normal, rough.curve.tangential, rough.curve.friction, rough.curve.lateral)
+    columns = (rough.curve.displacement, *forces)
     np.testing.assert_array_equal(rows, np.stack(columns, axis=1))  # nan where there is no contact
     assert np.isnan(rows[1, 3])
     header, rows = read_csv(tmp_path / "squeeze.csv")
@@ -185,7 +187,7 @@ def test_the_closing_words_of_several():
     words = closing_words(slide(0.1, 0.11), far)
     assert "Affine fit      meso = 1.0000 micro +0.0100\n" in words
     assert "Lalleman" not in words  # says nothing about other micro coefficients
-    assert "Remark          micro 0.5: no equilibrium" in words
+    assert "Doubt           micro 0.5: no equilibrium" in words
     assert "quasi-static and explicit" in words
 
 

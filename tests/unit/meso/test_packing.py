@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -93,7 +94,7 @@ def test_forces_are_the_gradient_of_the_overlap_energy() -> None:
     def forces(x: np.ndarray) -> np.ndarray:
         out = np.empty_like(x)
         pairs = kernels.neighbours(x, radii, 0.05)
-        kernels._forces(x, radii, pairs, size, 0.3, heights, out)
+        kernels._forces(x, radii, pairs, size, 0.3, heights, heights.min(), out)
         return out
 
     def pair_energy(x: np.ndarray) -> float:
@@ -202,3 +203,19 @@ def test_two_processes_may_write_the_same_packing(cache: Path) -> None:
     assert [process.returncode for process in both] == [0, 0]
     assert len(answers) == 1
     assert len(list((cache / "packings").iterdir())) == 1
+
+
+def test_a_finer_surface_costs_no_more() -> None:
+    """The least height was looked for at every sphere in every iteration: 50 times as long at n = 6."""
+    flat = flat_packing(400, (1.0, 1.0), 0.3, 0)
+
+    def taken(levels: int) -> float:
+        rough = diamond_square(generator("fine", levels), levels=levels, max_height=0.02, hurst_exponent=0.8)
+        times = []
+        for _ in range(3):
+            started = time.process_time()
+            morph(flat, rough)
+            times.append(time.process_time() - started)
+        return min(times)
+
+    assert taken(7) < 4.0 * taken(3)

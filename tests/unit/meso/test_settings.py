@@ -97,6 +97,7 @@ BOUNDED = {
     "engine.samples": (9, 10**7),
     "engine.increment": (0.0, -1.0),
     "engine.tolerance": (0.0, -1.0),
+    "engine.resonance": (0.0, -1.0),
     "engine.speed": (0.0, -1.0),
     "engine.approach_speed": (0.0, -1.0),
     "engine.damping_length": (0.0, -1.0),
