@@ -60,6 +60,9 @@ def on_preset(name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
         SettingsError: there is no preset of this name.
     """
     merged: dict[str, Any] = preset_tables(name)
+    engine = tables.get("engine")
+    if isinstance(engine, Mapping) and engine.get("resonance") is not None and "engine" in merged:
+        merged["engine"].pop("speed", None)  # one of the two says how fast
     for table, keys in tables.items():
         below = merged.get(table)
         merged[table] = {**below, **keys} if isinstance(below, dict) and isinstance(keys, Mapping) else keys

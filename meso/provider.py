@@ -262,7 +262,8 @@ def slide_cpu_s(settings: Settings) -> float:
     thousands = 1e-3 * settings.plates.spheres
     if engine_name(settings) == "quasi-static":
         return float(0.1 * thousands**1.6)
-    return float(0.25 * thousands ** (4.0 / 3.0) * (0.6 + settings.load.slide * 1e4 / settings.engine.speed))
+    speed = settings.engine.speed if settings.engine.resonance is None else 13.4e3 * settings.engine.resonance
+    return float(0.25 * thousands ** (4.0 / 3.0) * (0.6 + settings.load.slide * 1e4 / speed))
 
 
 def _warn_of_cost(settings: Settings, pairs: int) -> None:

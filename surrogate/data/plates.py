@@ -32,14 +32,17 @@ PLACES = {
     "control": ("load", "control"),
     "engine": ("engine", "name"),
     "speed": ("engine", "speed"),
+    "resonance": ("engine", "resonance"),
     "form": ("surface", "form"),
     "lay": ("surface", "lay"),
 }
 """Table and key of each field of `Plates` in the settings of a friction test."""
 
 
-OLDER = {"form": "tiles", "lay": "isotropic", "modulus": "beams"}
-"""Values of keys that older settings do not know."""
+OLDER = {"form": "tiles", "lay": "isotropic", "modulus": "beams", "resonance": 0.0}
+"""Values of keys that settings may not say: older ones do not know them."""
+DYNAMIC = ("time_step", "breakage", "resonance")
+"""Keys of the engine that ask for the explicit one."""
 
 
 class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -79,7 +82,9 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     engine: str = "quasi-static"
     """Engine asked for; "auto" counts as the quasi-static one."""
     speed: float = 0.0
-    """Speed of the explicit engine's slide [mm/s]; 0 for the quasi-static one."""
+    """Speed of the explicit engine's slide [mm/s]; 0 for the quasi-static one, and where `resonance` says it."""
+    resonance: float = 0.0
+    """Speed over the plates' f d [-]; 0 where it is not given so."""
     form: str = "tiles"
     """Form of the faces: pieces of strips, or tiles by themselves."""
     lay: str = "isotropic"
@@ -100,12 +105,17 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         """Read the plates from all keys of the settings of a friction test.
 
         Raises:
-            KeyError: a key is missing.
-            msgspec.ValidationError: a key has a value of another type.
+            KeyError: a table is missing.
+            msgspec.ValidationError: a key is missing, or has a value of another type.
         """
-        keys = {name: tables[table].get(key, OLDER.get(name)) for name, (table, key) in PLACES.items()}
-        keys["engine"] = "quasi-static" if keys["engine"] == "auto" else keys["engine"]
-        keys["speed"] = keys["speed"] if keys["engine"] == "explicit" else 0.0
+        engine = tables["engine"]
+        keys = {name: tables[table].get(key) for name, (table, key) in PLACES.items()}
+        keys = {name: OLDER.get(name) if value is None else value for name, value in keys.items()}
+        if keys["engine"] == "auto":
+            asked = any(engine.get(key) is not None for key in DYNAMIC)
+            keys["engine"] = "explicit" if asked else "quasi-static"
+        if keys["engine"] != "explicit" or keys["resonance"]:
+            keys["speed"] = 0.0
         return msgspec.convert(keys, cls)
 
     def unlike(self, asked: Plates) -> list[str]:
@@ -125,8 +135,8 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         for name, place in PLACES.items():
             if name in ("edge", "slide", "youngs_modulus", "poisson_ratio", "form", "lay", "modulus"):
                 continue
-            if name == "speed" and not (self.dynamic and asked.dynamic):
-                continue  # told by the engine
+            if name == "speed" and not (self.dynamic and asked.dynamic and self.resonance == asked.resonance):
+                continue  # told by the engine, or by the resonance
             ours, theirs = getattr(self, name), getattr(asked, name)
             if not _same(ours, theirs):
                 findings.append(f"{'.'.join(place)} = {_shown(theirs)} is not {_shown(ours)}")

@@ -481,6 +481,7 @@ def test_the_speed_of_the_plates_is_compared(tmp_path: Path) -> None:
     for changed, told in (
         ({"speed": 2e4}, "engine.speed = 10000 is not 20000"),
         ({"engine": "quasi-static"}, "engine.name = 'explicit' is not 'quasi-static'"),
+        ({"speed": 0.0, "resonance": 0.75}, "engine.resonance = 0 is not 0.75"),
     ):
         model = learned_from(tmp_path / "m.safetensors", **{"speed": 1e4} | published | changed)
         with pytest.raises(ProviderError, match=f"such inputs: {re.escape(told)}. Take"):

@@ -106,3 +106,8 @@ def test_the_estimate_grows_with_spheres_and_time() -> None:
     published = [slide_cpu_s(load(None, [f"engine.speed={speed}"], "as-published")) for speed in (10_000, 20_000)]
     assert slow == pytest.approx([0.03, 0.10, 0.6], rel=0.3)
     assert published == pytest.approx([0.4, 0.25], rel=0.3)
+
+
+def test_a_multiple_of_the_resonance_takes_the_place_of_the_presets_speed() -> None:
+    engine = load(None, ["engine.resonance=1.5"], "as-published").engine
+    assert (engine.resonance, engine.name) == (1.5, "explicit")
