@@ -457,7 +457,7 @@ def learned_from(path: Path, **plates: Any) -> str:
     [
         ({"spheres": 1000}, "plates.spheres = 1000 is not 3000"),
         ({"thickness": 0.4}, "plates.thickness = 0.4 is not 0.3"),
-        ({"external_face": "beams"}, "plates.external_face = 'beams' is not 'solid'"),
+        ({"cube": 1.2}, "plates.cube = 1.2 is not 1"),
         ({"external_modulus": "paper"}, "plates.external_modulus = 'paper' is not 'series'"),
     ],
 )
