@@ -97,9 +97,11 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """The network that comes with the package: shaped like the physics, or the paper's convolutional one, "cnn"."""
 
     def __post_init__(self) -> None:
-        preset = self._preset()[0]
-        if preset not in PRESETS:
+        preset, keys = self._preset()
+        if preset not in list(PRESETS):
             raise ProviderError(f"friction.options.plates = {preset!r}: take {' or '.join(PRESETS)}, or keys of plates")
+        if "edge" in keys:
+            raise ProviderError("friction.options.plates.edge: leave it out, it is the length of a tile")
         if self.model is not None and self.network != "energy":
             raise ProviderError("friction.options.network: leave it out, it is friction.options.model")
         try:
@@ -170,7 +172,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             SettingsError: a key of the plates that is unknown or refused.
         """
         preset, keys = self._preset()
-        tables: dict[str, Any] = {name: table for name, table in (more or {}).items() if name != "cache"}
+        tables: dict[str, Any] = {name: table for name, table in (more or {}).items() if isinstance(table, Mapping)}
         tables["plates"] = {**keys, **tables.get("plates", {}), "edge": tile_size}
         tables["load"] = {**tables.get("load", {}), "slide": tile_size}
         return Plates.of_settings(msgspec.to_builtins(decode(on_preset(preset, tables))))
@@ -238,6 +240,8 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         for key in ("micro_friction", "seed", "surface"):
             if key in self.dem:
                 raise ProviderError(f"friction.options.dem.{key}: leave it out, it is friction.options.{key}")
+        if isinstance(self.dem.get("plates"), str) or "preset" in self.dem.get("plates", {}):
+            raise ProviderError("friction.options.dem.plates: a preset of plates is friction.options.plates")
         try:
             load("dem", self._dem_options())
         except ProviderError as error:

@@ -30,6 +30,7 @@ from macrofit.friction.conformance import check
 from macrofit.scene import build_scene
 from macrofit.solve import solve
 from meso.plates import make_plate
+from meso.presets import PRESETS
 from meso.provider import DirectDem, TileFriction
 from meso.settings import SurfaceKeys
 from meso.surfaces.face import rough_face
@@ -503,6 +504,12 @@ def test_a_preset_brings_its_own_surfaces(model: str) -> None:
     [
         ({"plates": "as-printed"}, "friction.options.plates = 'as-printed': take slow or as-published, or keys"),
         ({"plates": {"sphere": 3}}, "friction.options.plates.sphere: unknown key (did you mean 'spheres'?)"),
+        ({"plates": {"preset": []}}, "friction.options.plates = []: take slow or as-published, or keys"),
+        ({"plates": {"edge": 2.0}}, "friction.options.plates.edge: leave it out, it is the length of a tile"),
+        (
+            {"fallback": "dem", "dem": {"plates": "as-published"}},
+            "friction.options.dem.plates: a preset of plates is friction.options.plates",
+        ),
         ({"network": "rnn"}, "`friction.options.network`"),
         ({"network": "cnn", "model": "m"}, "friction.options.network: leave it out, it is friction.options.model"),
     ],
@@ -533,6 +540,10 @@ def test_plates_that_answer_for_lost_contact_are_those_of_the_network(tmp_path: 
         made(learned_from(tmp_path / "m.safetensors"), fallback="dem")
         given = {"plates": {"spheres": 400}, "fallback": "dem"}
         made(learned_from(tmp_path / "m.safetensors", spheres=400), **given)
+
+
+def test_every_preset_of_plates_has_networks() -> None:
+    assert list(SHIPPED) == list(PRESETS)
 
 
 # Pairs that lose contact
