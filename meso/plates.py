@@ -12,9 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
+from macrofit.base.arrays import FloatArray
+
 from .errors import PackingError
 from .lattice.calibration import beams_for
-from .lattice.candidates import ContactCandidates, Faces
+from .lattice.candidates import STILL, ContactCandidates, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
 from .lattice.modulus import scaled_to
 from .lattice.sway import sway_frequency
@@ -100,8 +102,10 @@ class Plates:
         """Normal force at the end of the squeeze [N]; 0 where an interference is asked for instead."""
         return self.settings.load.pressure * self.area if self.settings.load.interference is None else 0.0
 
-    def candidates(self, low: float, high: float, margin: float, travel: float | None = None) -> ContactCandidates:
-        """Pairs that may meet while the wheel's height stays within low ... high [mm]."""
+    def candidates(
+        self, low: float, high: float, margin: float, travel: float | None = None, sway: FloatArray = STILL
+    ) -> ContactCandidates:
+        """Pairs that may meet while the wheel's height stays within low ... high [mm]; see `Faces.candidates`."""
         settings = self.settings
         return self.faces.candidates(
             (low, high),
@@ -110,6 +114,7 @@ class Plates:
             settings.material,
             settings.contact.normal_stiffness,
             settings.contact.tangential_ratio,
+            sway,
         )
 
     def likely_approach(self) -> float:
