@@ -157,14 +157,15 @@ def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
         SettingsError, SurfaceError, PackingError: as `make_plates`.
     """
     keys, edge, slide = settings.plates, settings.plates.edge, settings.load.slide
-    number, length, seed = {
-        "wheel": (0, edge, settings.surface.wheel_seed),
-        "axle": (1, edge + slide, settings.surface.axle_seed),
+    axle_packing = keys.packing_seed if keys.axle_packing_seed is None else keys.axle_packing_seed
+    packing_seed, length, seed = {
+        "wheel": (2 * keys.packing_seed, edge, settings.surface.wheel_seed),
+        "axle": (2 * axle_packing + 1, edge + slide, settings.surface.axle_seed),
     }[body]
     size = (length, edge)
     spheres = max(1, round(keys.spheres * length / (edge + (edge + slide))))
     try:
-        flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+        flat = flat_packing(spheres, size, keys.thickness, packing_seed)
     except PackingError as error:
         raise PackingError(
             f"plates.spheres = {keys.spheres} in both plates together, plate of the {body}: {error}"
