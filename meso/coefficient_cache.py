@@ -1,6 +1,6 @@
 """Meso coefficients, computed once: one small JSON file for each pair of surfaces, readable without this package.
 
-    FOLDER/coefficients/<hash of settings and code>/<axle_seed>/<wheel_seed>.json
+    FOLDER/coefficients/<hash of settings and code>/<axle_seed>/<wheel_seed>-<hash of the packing seeds>.json
 
 `CoefficientCache` says what makes a new file.
 """
@@ -57,7 +57,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CoefficientCache:
-    """The entries that share all settings but the seeds.
+    """The entries that share all settings but the seeds of surfaces and packings.
 
     A file's place depends on every setting, on the code that computes and on the version of the package; not on
     the libraries and the processor, which move a coefficient by rounding. What is damaged is computed again, and a
@@ -65,7 +65,7 @@ class CoefficientCache:
 
     Args:
         folder: where everything costly is kept.
-        settings: of the tests; their two seeds do not matter.
+        settings: of the tests; the seeds of surfaces and packings do not matter.
     """
 
     def __init__(self, folder: Path, settings: Settings) -> None:
@@ -74,8 +74,9 @@ class CoefficientCache:
 
     def file(self, settings: Settings) -> Path:
         """Where the entry of these settings is kept."""
-        surface = settings.surface
-        return self.folder / str(surface.axle_seed) / f"{surface.wheel_seed}.json"
+        surface, plates = settings.surface, settings.plates
+        packings = hashlib.sha256(f"{plates.packing_seed} {plates.axle_packing_seed}".encode()).hexdigest()[:8]
+        return self.folder / str(surface.axle_seed) / f"{surface.wheel_seed}-{packings}.json"
 
     def find(self, settings: Settings) -> Entry | None:
         """The entry of these settings; None where there is none that can be trusted."""
@@ -108,7 +109,8 @@ class CoefficientCache:
 def fingerprint(settings: Settings) -> str:
     """Hash of all settings but title and seeds, of the code and of the package's version."""
     surface = msgspec.structs.replace(settings.surface, wheel_seed=0, axle_seed=0)
-    shared = msgspec.structs.replace(settings, surface=surface).fingerprint
+    plates = msgspec.structs.replace(settings.plates, packing_seed=0, axle_packing_seed=None)
+    shared = msgspec.structs.replace(settings, surface=surface, plates=plates).fingerprint
     return hashlib.sha256(f"{shared} {code()} {version()}".encode()).hexdigest()[:20]
 
 

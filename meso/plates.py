@@ -12,9 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
+from macrofit.base.arrays import FloatArray
+
 from .errors import PackingError
 from .lattice.calibration import beams_for
-from .lattice.candidates import ContactCandidates, Faces
+from .lattice.candidates import STILL, ContactCandidates, Faces
 from .lattice.lattice import Lattice, build, join, turned_over
 from .lattice.modulus import scaled_to
 from .lattice.sway import sway_frequency
@@ -90,8 +92,10 @@ class Plates:
         """Normal force at the end of the squeeze [N]; 0 where an interference is asked for instead."""
         return self.settings.load.pressure * self.area if self.settings.load.interference is None else 0.0
 
-    def candidates(self, low: float, high: float, margin: float, travel: float | None = None) -> ContactCandidates:
-        """Pairs that may meet while the wheel's height stays within low ... high [mm]."""
+    def candidates(
+        self, low: float, high: float, margin: float, travel: float | None = None, sway: FloatArray = STILL
+    ) -> ContactCandidates:
+        """Pairs that may meet while the wheel's height stays within low ... high [mm]; see `Faces.candidates`."""
         settings = self.settings
         return self.faces.candidates(
             (low, high),
@@ -100,6 +104,7 @@ class Plates:
             settings.material,
             settings.contact.normal_stiffness,
             settings.contact.tangential_ratio,
+            sway,
         )
 
     def likely_approach(self) -> float:
@@ -142,14 +147,15 @@ def make_plate(settings: Settings, body: Body) -> tuple[Packing, Lattice]:
         SettingsError, SurfaceError, PackingError: as `make_plates`.
     """
     keys, edge, slide = settings.plates, settings.plates.edge, settings.load.slide
-    number, length, seed = {
-        "wheel": (0, edge, settings.surface.wheel_seed),
-        "axle": (1, edge + slide, settings.surface.axle_seed),
+    axle_packing = keys.packing_seed if keys.axle_packing_seed is None else keys.axle_packing_seed
+    packing_seed, length, seed = {
+        "wheel": (2 * keys.packing_seed, edge, settings.surface.wheel_seed),
+        "axle": (2 * axle_packing + 1, edge + slide, settings.surface.axle_seed),
     }[body]
     size = (length, edge)
     spheres = max(1, round(keys.spheres * length / (edge + (edge + slide))))
     try:
-        flat = flat_packing(spheres, size, keys.thickness, 2 * keys.packing_seed + number)
+        flat = flat_packing(spheres, size, keys.thickness, packing_seed)
     except PackingError as error:
         raise PackingError(
             f"plates.spheres = {keys.spheres} in both plates together, plate of the {body}: {error}"

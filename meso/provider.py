@@ -30,6 +30,7 @@ from .errors import MesoError, SettingsError
 from .friction_test import engine_name, prepared, slid
 from .lattice.lattice import Lattice
 from .material import Material
+from .packing.deal import packing_of
 from .packing.pack import Packing
 from .plates import beams_of, face_to_face, make_plate
 from .presets import DEFAULT, PRESETS, on_preset
@@ -51,6 +52,7 @@ TAKEN = {
     ("surface", "wheel_seed"): "it follows from friction.options.seed and the tile",
     ("surface", "axle_seed"): "it follows from friction.options.seed and the tile",
     ("contact", "micro_friction"): "it is friction.options.micro_friction",
+    ("plates", "axle_packing_seed"): "packings are dealt to the tiles by friction.options.packings",
     ("plates", "edge"): "it is the length of a tile",
     ("load", "slide"): "it is the length of a tile",
 }
@@ -73,6 +75,8 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """Coefficient of friction of sphere on sphere [-]."""
     seed: int = 1
     """Chooses all the surfaces of both bodies, 0 to 65535; see `tile_seed`."""
+    packings: int | None = None
+    """Packings dealt to the tiles of each body, 1 to 65536, by `meso.packing.deal`; left out: one for each tile."""
     cache: bool = True
     """Keep coefficients in the context's cache folder, and take them from there."""
     surface: dict[str, Any] = {}
@@ -85,6 +89,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def __post_init__(self) -> None:
         try:
             tile_seed(self.seed, 0)
+            packing_of(self.seed, 0, packings=self.packings)
         except SettingsError as error:
             raise ProviderError(f"friction.options.{error}") from None
         self.settings(1.0)  # a scene is refused when it is read, not when it runs
@@ -118,7 +123,10 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         _warn_of_cost(settings, context.seat_tiles * context.bore_tiles // 2)
         keeps = self.cache and context.cache_dir is not None
         return TileFriction(
-            settings, self.seed, CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None
+            settings,
+            self.seed,
+            CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None,
+            self.packings,
         )
 
 
@@ -132,6 +140,7 @@ class TileFriction:
         settings: of the friction test; the two seeds in them do not matter.
         seed: of all the surfaces.
         cache: where coefficients are kept, if anywhere.
+        packings: number dealt to the tiles of each body; None: one for each.
     """
 
     depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
@@ -143,8 +152,10 @@ class TileFriction:
     doubtful: int
     """Answers with a share of the work above `UNBALANCED` unaccounted for, or with a remark."""
 
-    def __init__(self, settings: Settings, seed: int, cache: CoefficientCache | None = None) -> None:
-        self.shared, self.seed, self.cache = settings, seed, cache
+    def __init__(
+        self, settings: Settings, seed: int, cache: CoefficientCache | None = None, packings: int | None = None
+    ) -> None:
+        self.shared, self.seed, self.cache, self.packings = settings, seed, cache, packings
         self.runs = self.clipped = self.doubtful = 0
         self._last: dict[tuple[int, int], Entry] = {}
         self._plate = functools.lru_cache(2 * HELD_SPHERES // settings.plates.spheres)(self._made)
@@ -183,7 +194,14 @@ class TileFriction:
             seeds = {"axle_seed": tile_seed(self.seed, seat), "wheel_seed": tile_seed(self.seed, bore)}
         except SettingsError as error:
             raise ProviderError(f"friction provider 'dem': {error}") from None
-        return msgspec.structs.replace(self.shared, surface=msgspec.structs.replace(self.shared.surface, **seeds))
+        plates = msgspec.structs.replace(
+            self.shared.plates, packing_seed=self._packing(bore), axle_packing_seed=self._packing(seat)
+        )
+        surface = msgspec.structs.replace(self.shared.surface, **seeds)
+        return msgspec.structs.replace(self.shared, surface=surface, plates=plates)
+
+    def _packing(self, tile: int) -> int:
+        return packing_of(self.seed, tile, packings=self.packings, packing_seed=self.shared.plates.packing_seed)
 
     def entry(self, seat: int, bore: int) -> Entry:
         """What the friction test of a pair comes to, from the cache or made now.
@@ -231,14 +249,17 @@ class TileFriction:
 
     def _slide(self, settings: Settings) -> Slide:
         self.runs += 1
-        wheel = self._plate("wheel", settings.surface.wheel_seed)
-        axle = self._plate("axle", settings.surface.axle_seed)
+        axle_packing = settings.plates.axle_packing_seed
+        assert axle_packing is not None
+        wheel = self._plate("wheel", settings.surface.wheel_seed, settings.plates.packing_seed)
+        axle = self._plate("axle", settings.surface.axle_seed, axle_packing)
         plates = face_to_face(settings, wheel, axle)
         return next(slid(plates, prepared(plates), settings.contact.coefficients))
 
-    def _made(self, body: Body, seed: int) -> tuple[Packing, Lattice]:
+    def _made(self, body: Body, seed: int, packing: int) -> tuple[Packing, Lattice]:
         surface = msgspec.structs.replace(self.shared.surface, axle_seed=seed, wheel_seed=seed)
-        return make_plate(msgspec.structs.replace(self.shared, surface=surface), body)
+        plates = msgspec.structs.replace(self.shared.plates, packing_seed=packing)
+        return make_plate(msgspec.structs.replace(self.shared, surface=surface, plates=plates), body)
 
 
 def named_plates(plates: dict[str, Any] | str) -> tuple[str, dict[str, Any]]:

@@ -107,6 +107,9 @@ class PlateKeys(Keys, frozen=True):
     edge: Annotated[Positive, told("Edge of the apparent area of contact [mm].")] = 1.0
     cube: Annotated[Positive, told("Height L of the solid that plate and external face together stand for [mm].")] = 1.0
     packing_seed: Annotated[Seed, told("Seed of the packings of both plates.")] = 0
+    axle_packing_seed: Annotated[
+        Seed | None, told("Seed of the packing of the axle's plate, where it is not packing_seed.")
+    ] = None
     external_face: Annotated[ExternalFace, told("How the bars behind a plate resist shear.")] = "solid"
     external_modulus: Annotated[ExternalModulus, told("Modulus of the bars behind a plate.")] = "series"
     modulus: Annotated[

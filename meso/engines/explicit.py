@@ -16,7 +16,7 @@ import numpy as np
 from macrofit.base.arrays import FloatArray, IntArray
 
 from ..errors import StabilityError
-from ..lattice.candidates import ContactCandidates
+from ..lattice.candidates import STILL, ContactCandidates
 from ..plates import Plates
 from ..records import Breaks, Curve, Slide, Sums, Work
 from .linear import Linear
@@ -94,7 +94,8 @@ class _Run:
     def __init__(self, engine: Explicit, micro_friction: float) -> None:
         self.plates, self.settings, self.dt = engine.plates, engine.plates.settings, engine.time_step
         self.micro_friction = micro_friction
-        self.range, self.margin = engine.range, engine.margin
+        self.range, self.margin, self.sway = engine.range, engine.margin, STILL
+        self.swayed = np.full((2, 3), np.nan)  # least and largest mean displacement at which candidates were looked for
         self.unmet = ""
         self.body: _Body
         if self.settings.engine.breakage is None:
@@ -248,19 +249,36 @@ class _Run:
         return _curve(np.array(rows), 0.0), work, friction, damping, released
 
     def _widen(self) -> None:
-        """Look farther for candidates when the wheel or a sphere has gone beyond what they allow for."""
+        """Look for candidates anew when the wheel or a sphere has gone beyond what they allow for.
+
+        A plate that sways as a whole takes all its spheres along: the middle of that is taken into the way of the
+        wheel, and the margin is for how far it swings and for the rest. Without this it grew to the whole of the sway,
+        and the candidates with its cube.
+        """
         meet, live, height = self.body.candidates, self.body.live, self.body.drive[2]
         pair = meet.pair[live]
         between = meet.offset[live] - self.body.drive
+        towards = between / np.linalg.norm(between, axis=1)[:, None]
         moved = self.body.u[pair[:, 0], :3] - self.body.u[pair[:, 1], :3]
-        closing = float(np.max(np.einsum("pa,pa->p", moved, between) / np.linalg.norm(between, axis=1), initial=0.0))
         low, high = self.range
-        if low <= height <= high and closing <= self.margin:
+        if low <= height <= high and _closing(moved - self.sway, towards) <= self.margin:
             return
         reach = 0.3 * (high - low)
         self.range = (min(low, height - reach), max(high, height + reach))
-        self.margin = max(self.margin, 1.5 * closing)
-        self.body.meet(self.plates.candidates(*self.range, self.margin))
+        half = 0.0
+        if len(moved):
+            mean = moved.mean(axis=0)
+            self.swayed = np.array([np.fmin(self.swayed[0], mean), np.fmax(self.swayed[1], mean)])
+            self.sway = 0.5 * self.swayed.sum(axis=0)
+            half = 0.5 * float(np.linalg.norm(np.diff(self.swayed, axis=0)))
+            moved = moved - mean
+        self.margin = max(self.margin, 1.5 * (_closing(moved, towards) + half))
+        self.body.meet(self.plates.candidates(*self.range, self.margin, sway=self.sway))
+
+
+def _closing(moved: FloatArray, towards: FloatArray) -> float:
+    """Largest displacement of the wheel's spheres (p, 3) towards the axle's [mm]."""
+    return float(np.max(np.einsum("pa,pa->p", moved, towards), initial=0.0))
 
 
 def _fragile(plates: Plates, dt: float, micro_friction: float, candidates: ContactCandidates) -> _Body:

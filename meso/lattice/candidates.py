@@ -22,6 +22,9 @@ FACE = 2.0
 ROUNDING = 1e-9
 """Difference of heights that is taken for rounding [mm]."""
 
+STILL = np.zeros(3)
+"""Faces that have not moved beside the way of the wheel [mm]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ContactCandidates:
@@ -123,16 +126,20 @@ class Faces:
         material: Material,
         normal_stiffness: float,
         tangential_ratio: float,
+        sway: FloatArray = STILL,
     ) -> ContactCandidates:
         """Every pair whose gap may fall below `margin` [mm] on the way from 0 to `travel`, within these heights [mm].
 
-        k_n = normal_stiffness E_M (r_i + r_j)/2 and k_t = tangential_ratio k_n [N/mm].
+        k_n = normal_stiffness E_M (r_i + r_j)/2 and k_t = tangential_ratio k_n [N/mm]. `sway` (3,) [mm] is how far the
+        wheel's face has moved against the axle's beside that way: the margin is for what differs from it.
         """
-        low, high = heights
+        low, high = heights[0] + sway[2], heights[1] + sway[2]
         wheel, axle = self._facing(low, margin)
         if not len(wheel):
             return NOBODY
-        pair, span = kernels.find_candidates(*self._spheres(wheel, axle), low, high, travel, margin)
+        centres, *others = self._spheres(wheel, axle)
+        centres = centres + np.array([sway[0], sway[1], 0.0])
+        pair, span = kernels.find_candidates(centres, *others, low, high, travel, margin)
         pair = np.stack([wheel[pair[:, 0]], axle[pair[:, 1]]], axis=1)
         order = np.lexsort((pair[:, 1], pair[:, 0], span[:, 0]))
         (i, j), span = pair[order].T, span[order]

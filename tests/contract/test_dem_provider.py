@@ -31,6 +31,7 @@ from meso.coefficient_cache import fingerprint
 from meso.engines.quasistatic import Unsettled
 from meso.errors import SettingsError
 from meso.lattice.lattice import Lattice
+from meso.packing.deal import packing_of
 from meso.packing.pack import Packing
 from meso.plates import Plates, make_plate
 from meso.provider import DirectDem, TileFriction
@@ -110,7 +111,13 @@ def test_it_is_the_friction_test_of_both_surfaces(expected: list[float]) -> None
     settings = decode(
         {
             "surface": {"levels": 1, "axle_seed": 3 * 65536 + 2, "wheel_seed": 3 * 65536 + 5},
-            "plates": {"spheres": 400, "thickness": 0.25, "edge": 0.5},
+            "plates": {
+                "spheres": 400,
+                "thickness": 0.25,
+                "edge": 0.5,
+                "packing_seed": packing_of(3, 5),
+                "axle_packing_seed": packing_of(3, 2),
+            },
             "material": {"youngs_modulus": 206e3, "poisson_ratio": 0.3},
             "contact": {"micro_friction": 0.25},
             "load": {"pressure": 120.0, "slide": 0.5},
@@ -159,6 +166,37 @@ def test_repeated_pairs_are_computed_once() -> None:
     assert provider.runs == 2
 
 
+def test_packings_are_dealt_to_the_tiles() -> None:
+    """Each tile has its own, or one of k that every block of k tiles gets once; one is what is asked for."""
+    each = [packing_of(1, tile) for tile in range(200)]
+    assert len(set(each)) == 200
+    assert not set(each) & {packing_of(2, tile) for tile in range(200)}
+    assert not set(each) & {packing_of(1, tile, packing_seed=1) for tile in range(200)}
+    few = [packing_of(1, tile, packings=16) for tile in range(64)]
+    assert all(len(set(few[k : k + 16])) == 16 for k in range(0, 64, 16))
+    assert set(few) == {packing_of(2, tile, packings=16) for tile in range(16)}  # the same ones for every seed
+    assert few[:16] != few[16:32]
+    assert {packing_of(seed, 5, packings=1, packing_seed=9) for seed in range(3)} == {9}
+    assert packing_of(1, 0) == 1982462498  # the same on every machine, with every numpy
+    provider = made(packings=16)
+    found = provider.settings(2, 5).plates
+    assert (found.axle_packing_seed, found.packing_seed) == (few[2], few[5])
+
+
+def test_packings_do_not_move_all_tiles_alike() -> None:
+    """Two choices of the packings: the mean over nine pairs of tiles moves less where each tile has its own."""
+    pairs = [(seat, bore) for seat in range(3) for bore in range(3)]
+
+    def mean(seed: int, **options: Any) -> float:
+        return float(np.mean(answers(made(plates={"packing_seed": seed} | SMALL["plates"], **options), *pairs)))
+
+    def moved(**options: Any) -> float:
+        means = [mean(seed, **options) for seed in range(4)]
+        return float(np.std(means))
+
+    assert moved() < moved(packings=1)
+
+
 def test_a_tile_keeps_its_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine pairs of three tiles and three take six plates."""
     made_now: list[str] = []
@@ -174,7 +212,7 @@ def test_a_tile_keeps_its_plate(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_negative_coefficient_counts_as_none(tmp_path: Path) -> None:
     """Small plates on a slope give back more than so little friction takes."""
-    provider = made(tmp_path, micro_friction=0.0)
+    provider = made(tmp_path, micro_friction=0.0, packings=1)
     with pytest.warns(UserWarning, match=r"seat tile 3 and bore tile 0 comes out as -0\.0\d+ \+- ") as told:
         given = answers(provider, (3, 0), (3, 1))
     assert given == [0.0, 0.0]
@@ -202,7 +240,10 @@ def test_work_that_is_missing_is_told_once_and_counted(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"sede": 1}, "friction.options.sede: unknown option .*Its options: micro_friction, seed, cache, surface"),
+        (
+            {"sede": 1},
+            "friction.options.sede: unknown option .*Its options: micro_friction, seed, packings, cache, surface",
+        ),
         ({"seed": 1.5}, "`friction.options.seed`"),
         ({"seed": 65536}, "friction.options.seed = 65536 is out of bounds: take 0 ... 65535"),
         ({"micro_friction": -0.1}, "friction.options.micro_friction: -0.1 must not be negative"),
@@ -291,7 +332,7 @@ def test_a_damaged_file_is_made_again(damage: Any, tmp_path: Path, expected: lis
     file.write_bytes(damage(whole, file_of(first, 2, 3).read_bytes()))
     assert file.read_bytes() != whole
     second = made(tmp_path)
-    with pytest.warns(UserWarning, match=r"65541\.json is damaged and is computed again") as told:
+    with pytest.warns(UserWarning, match=r"65541-[0-9a-f]{8}\.json is damaged and is computed again") as told:
         assert answers(second, *PAIRS) == expected
     assert (second.runs, len(told)) == (1, 1)
     assert file.read_bytes() == whole
@@ -370,7 +411,7 @@ def _other(value: Any) -> Any:
 
 
 def test_every_setting_has_its_own_files() -> None:
-    """Each key of each table moves the folder, but for the two seeds (they name the file) and the title."""
+    """Each key of each table moves the folder, but for the seeds (they name the file) and the title."""
     base = Settings()
     found = {"": fingerprint(base)}
     for table in ("surface", "plates", "material", "contact", "load", "engine"):
@@ -378,7 +419,7 @@ def test_every_setting_has_its_own_files() -> None:
         for key in keys.__struct_fields__:
             changed = msgspec.structs.replace(keys, **{key: _other(getattr(keys, key))})
             found[f"{table}.{key}"] = fingerprint(msgspec.structs.replace(base, **{table: changed}))
-    for free in ("surface.axle_seed", "surface.wheel_seed"):
+    for free in ("surface.axle_seed", "surface.wheel_seed", "plates.packing_seed", "plates.axle_packing_seed"):
         assert found.pop(free) == found[""]
     assert len(found) > 25
     assert len(set(found.values())) == len(found)

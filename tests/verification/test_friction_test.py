@@ -12,11 +12,12 @@ from scipy.sparse.linalg import eigsh
 
 from meso import kernels
 from meso.engines.explicit import Explicit
+from meso.engines.linear import Linear
 from meso.engines.quasistatic import QuasiStatic, Unsettled
 from meso.engines.time_step import critical_time_step
 from meso.errors import SettingsError, StabilityError
 from meso.friction_test import engine_name, run
-from meso.lattice.candidates import Faces
+from meso.lattice.candidates import ContactCandidates, Faces
 from meso.plates import Plates, make_plates
 from meso.records import Curve, block_error
 from meso.settings import load
@@ -312,3 +313,42 @@ def test_packing_out_of_its_box_is_made_again(tmp_path: object, monkeypatch: pyt
         flat_packing.cache_clear()
         with pytest.warns(UserWarning, match="made again"):
             assert np.array_equal(flat_packing(120, (0.5, 0.5), 0.3, 4).centres, first.centres)
+
+
+@pytest.mark.parametrize("control", ["displacement", "force"])
+def test_plates_that_sway_keep_their_candidates_few(
+    control: str, monkeypatch: pytest.MonkeyPatch, found: Found
+) -> None:
+    """The margin is for the swing, not for the whole sway, which made them 8 times as many; no contact is missed."""
+    keys = [*PRINTED, "plates.spheres=1500", "engine.resonance=0.75", "surface.max_height=0.04", "engine.samples=100"]
+    engine = Explicit(make_plates(load(None, [*keys, f"load.control={control}"])))
+    counts = [len(engine.candidates.pair)]
+    meet = Linear.meet
+
+    def counted(body: Linear, candidates: ContactCandidates) -> None:
+        counts.append(len(candidates.pair))
+        meet(body, candidates)
+
+    monkeypatch.setattr(Linear, "meet", counted)
+    slide = engine.slide(0.07)
+    assert len(counts) > 2
+    assert max(counts) < 5 * counts[0]
+    assert found(f"soft faces near their resonance, constant {control}: energy", abs(slide.work.imbalance), 0.01)
+
+
+@pytest.mark.parametrize("face", ["solid", "beams"])
+@pytest.mark.parametrize("engine", ["quasi-static", "explicit"])
+def test_constant_force_is_held_and_accounted_for(engine: str, face: str, found: Found) -> None:
+    """The quasi-static engine holds N to its tolerance; the explicit one on the mean, and the work closes in both.
+
+    At constant force the work of the drive has N times the way down, which the account must have too.
+    """
+    keys = ["plates.spheres=800", "load.pressure=100", "load.control=force", f"plates.external_face={face}"]
+    more = {"quasi-static": ["engine.increment=0.002"], "explicit": ["engine.speed=5000", "engine.samples=200"]}[engine]
+    slide = run(load(None, [*keys, f"engine.name={engine}", *more])).slides[0]
+    assert slide.engine == engine
+    normal = slide.curve.normal
+    if engine == "quasi-static":
+        assert np.abs(normal / 100.0 - 1.0).max() < 2e-3
+    assert slide.curve.mean_normal == pytest.approx(100.0, rel=0.01)
+    assert found(f"constant force, {engine}, {face} face: energy", abs(slide.work.imbalance), 0.01)

@@ -85,6 +85,7 @@ BOUNDED = {
     "surface.axle_seed": (-1, 2**32),
     "plates.spheres": (0, 10**7),
     "plates.packing_seed": (-1, 2**32),
+    "plates.axle_packing_seed": (-1, 2**32),
     "plates.thickness": (0.0, 1.0),
     "plates.edge": (0.0, -1.0),
     "plates.cube": (0.0, 0.3),
@@ -113,7 +114,7 @@ BOUNDED = {
     "beams.radius_ratio": (0.0, -1.0),
     "beams.poisson_ratio": (-1.0, 0.5),
 }
-WHOLE = {"levels", "wheel_seed", "axle_seed", "spheres", "packing_seed", "samples"}
+WHOLE = {"levels", "wheel_seed", "axle_seed", "spheres", "packing_seed", "axle_packing_seed", "samples"}
 
 
 def with_value(key: str, value: object) -> dict[str, object]:
