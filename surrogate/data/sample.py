@@ -33,6 +33,7 @@ KEYS_OF_DESIGN = {
     "surface.max_height": "it is --max-height",
     "surface.hurst_exponent": "it is --hurst",
     "plates.packing_seed": "it follows from --first-packing",
+    "plates.axle_packing_seed": "it follows from --first-packing",
     "contact.micro_friction": "it is --micro-friction",
 }
 """Keys of the plates' settings that belong to the design, and what sets them."""

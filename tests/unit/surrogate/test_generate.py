@@ -146,7 +146,13 @@ def test_a_design_that_cannot_be(option):
 
 
 def test_keys_of_the_design_are_refused_among_the_settings():
-    for override in ("surface.levels=3", "surface={levels=4}", "contact.micro_friction=0.07", "plates.packing_seed=0"):
+    for override in (
+        "surface.levels=3",
+        "surface={levels=4}",
+        "contact.micro_friction=0.07",
+        "plates.packing_seed=0",
+        "plates.axle_packing_seed=0",
+    ):
         with pytest.raises(DesignError, match=override.partition("=")[0]):
             plate_settings([override])
     with pytest.raises(DesignError, match=r"plates\.sphere: unknown key \(did you mean 'spheres'"):
