@@ -21,7 +21,7 @@ from surrogate.data.database import read_database
 from surrogate.data.design import FINEST_LEVEL, FRICTION_RANGE, Design
 from surrogate.data.generate import generate_samples
 from surrogate.data.journal import journal_of
-from surrogate.data.sample import design_tasks, header_of, plate_settings
+from surrogate.data.sample import design_on_preset, design_tasks, header_of, plate_settings
 from surrogate.errors import DatabaseError, DesignError
 
 SMALL = plate_settings(["plates.spheres=500", "engine.samples=40"])
@@ -157,6 +157,25 @@ def test_keys_of_the_design_are_refused_among_the_settings():
             plate_settings([override])
     with pytest.raises(DesignError, match=r"plates\.sphere: unknown key \(did you mean 'spheres'"):
         plate_settings(["plates.sphere=3"])
+
+
+def test_a_preset_has_one_roughness_and_its_plates():
+    design = design_on_preset("as-published", first_surface=7)
+    assert {(p.max_height, p.levels, p.hurst_exponent) for p in design.points(5)} == {(0.04, 3, 0.8)}
+    settings = plate_settings(["plates.spheres=500"], "as-published")
+    header = header_of(design, settings)
+    plates = header.plates
+    assert (plates.spheres, plates.thickness, plates.external_face, plates.form) == (500, 0.4, "beams", "tiles")
+    assert (plates.engine, plates.speed, plates.dynamic) == ("explicit", 10_000.0, True)
+    tasks = list(design_tasks(design, settings, 2, header))
+    assert [task.settings.surface.wheel_seed for task in tasks] == [7, 8]
+    assert {task.settings.surface.max_height for task in tasks} == {0.04}
+
+
+def test_ranges_that_are_given_go_before_the_presets():
+    design = design_on_preset("as-published", max_height=(0.01, 0.02), hurst_exponent=None)
+    assert (design.max_height, design.levels, design.hurst_exponent) == ((0.01, 0.02), (3,), (0.8, 0.8))
+    assert design_on_preset("slow") == Design()
 
 
 # --- a sample

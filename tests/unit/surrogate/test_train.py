@@ -32,6 +32,7 @@ from surrogate.network.checkpoint import (
     save_checkpoint,
 )
 from surrogate.network.dataset import LOWEST_ENVELOPE, pair_tensors, split_by_family, split_into_folds
+from surrogate.network.descent import Curves
 from surrogate.network.foundation import Foundation
 from surrogate.network.model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from surrogate.network.objectives import contact_threshold
@@ -490,6 +491,16 @@ def test_loss_curves_as_table_and_figure(trained: Trained, tmp_path: Path) -> No
     lines = table.read_text().splitlines()
     assert lines[0] == "epoch,training,validation"
     assert len(lines) == 102
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_loss_curves_of_several_seeds(tmp_path: Path) -> None:
+    """Two columns each; one that ended before the others leaves its cells empty."""
+    short, long = Curves([float("nan"), 2.0], [4.0, 3.0], 1), Curves([float("nan"), 1.0, 0.5], [5.0, 2.5, 1.5], 2)
+    table, picture = write_curves(short, tmp_path / "m", "loss", [long])
+    assert table.read_text().splitlines() == [
+        "epoch,training_1,validation_1,training_2,validation_2", "0,,4,,5", "1,2,3,1,2.5", "2,,,0.5,1.5",
+    ]  # fmt: skip
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
