@@ -10,8 +10,8 @@ First table, by the plates: meso over micro coefficient with the standard error 
 taken for independent; the standard deviation over pairs of surfaces, without what packings add; that over packings;
 and that of means over five neighbours. Second table, by the network: 180 pairs of each of the seeds, as `wheelset` has
 at its end. *Seat* is the standard deviation over seeds of their mean, the force under an even pressure; *travel* that
-of the mean over all pairs that met on the way. *Independent* is what the scatter by tile would leave over 180. Under
-each table of the plates, second neighbours on the seat are the correlation of tiles i and i + 2.
+of the mean over all pairs that met on the way. *Independent* is what the scatter by tile would leave over 180.
+*Second neighbours*: correlation of the coefficients of tiles i and i + 2.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def main(words: Sequence[str]) -> int:
 
 def by_plates(pairs: int, packings: int, spheres: int) -> None:
     """Print the table of friction tests."""
-    print(head("plates, seat", "Sq, Ra [um]", "ratio", "surfaces", "packing", f"means of {GROUP}", "mean of all"))
+    print(head("plates, seat", "Sq, Ra [um]", "ratio", "surfaces", "packing", f"means of {GROUP}", "second neighbours"))
     for name, keys in SEATS.items():
         mu = np.array([[slide(keys, tile, packing, spheres) for packing in range(packings)] for tile in range(pairs)])
         means = mu.mean(axis=1)  # by pair of surfaces
@@ -76,10 +76,10 @@ def by_plates(pairs: int, packings: int, spheres: int) -> None:
         spread = percent(groups.std(ddof=1) / center) if len(groups) > 1 else "-"
         error = means.std(ddof=1) / np.sqrt(pairs)
         ratio = f"{center / MICRO:.3f} ± {error / MICRO:.3f}"
-        five = neighbours(means) if pairs > 5 else float("nan")
+        alike = neighbours(means) if pairs > 5 else float("nan")
         print(
             row(name, roughness(keys), ratio, percent(surfaces / center), percent(noise**0.5 / center), spread,
-                f"second neighbours {five:+.2f}"), flush=True,
+                f"{alike:+.2f}"), flush=True,
         )  # fmt: skip
 
 
