@@ -124,7 +124,7 @@ def surface(
     What is not given is as in a run without settings: the face is the very one of its plate.
     """
     from .results.folder import check_surface_file, write_surface
-    from .results.summary import roughness_line
+    from .results.summary import filtered_line, profile_line, roughness_line
     from .surfaces.face import rough_face
 
     for target in targets:
@@ -139,6 +139,8 @@ def surface(
     nx, ny = face.shape
     click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
     click.echo(f"Roughness       {roughness_line(face)}")
+    click.echo(f"Filtered        {filtered_line(face)}")
+    click.echo(f"Profile         {profile_line(resolved, body, face)}")
     for target in targets:
         if target.suffix.lower() == ".png":
             from macrofit.base.figure import save
@@ -176,6 +178,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
         click.echo(f"                modulus: {modulus_line(packing, lattice)}")
         click.echo(f"                surface: {roughness_line(packing.surface)}")
         click.echo(f"                its spheres less the surface: {1e3 * mean:.1f} ± {1e3 * deviation:.1f} µm")
+        click.echo(f"                their envelope: {roughness_line(packing.inner_envelope)}")
     click.echo(f"Resonance       {resonance_line(plates)}")
     for target in targets:
         if target.suffix.lower() == ".png":

@@ -97,12 +97,23 @@ class Packing:
         Spheres touch the surface from below, so the mean is negative, about half a radius; at the edges the envelope
         drops between them.
         """
-        step = self.radii.mean() / 3.0
-        shape = (int(self.size[0] / step) + 2, int(self.size[1] / step) + 2)
-        x, y = (np.linspace(0.0, length, count) for length, count in zip(self.size, shape, strict=True))
-        inside = (slice(6, -6), slice(6, -6))
-        error = (self.envelope(shape) - self.surface.at(x[:, None], y[None, :]))[inside]
+        x, y = self._inner
+        error = self.inner_envelope.heights - self.surface.at(x[:, None], y[None, :])
         return float(error.mean()), float(error.std())
+
+    @cached_property
+    def inner_envelope(self) -> Surface:
+        """The spheres' upper envelope, a mean diameter away from the plate's edges, six points to a diameter."""
+        shape = tuple(len(coordinates) + 12 for coordinates in self._inner)
+        x, y = self._inner
+        return Surface(self.envelope((shape[0], shape[1]))[6:-6, 6:-6], (float(np.ptp(x)), float(np.ptp(y))))
+
+    @property
+    def _inner(self) -> tuple[FloatArray, FloatArray]:
+        """Coordinates of the inner points of a grid, a third of a mean radius apart [mm]."""
+        step = self.radii.mean() / 3.0
+        x, y = (np.linspace(0.0, length, int(length / step) + 2)[6:-6] for length in self.size)
+        return x, y
 
 
 def pack(rng: np.random.Generator, *, spheres: int, size: tuple[float, float], thickness: float) -> Packing:

@@ -21,8 +21,10 @@ from ..material import Beams, Material
 from ..packing.pack import Packing
 from ..plates import Plates
 from ..records import UNBALANCED, Slide
+from ..settings import Settings
+from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
 from ..surfaces.roughness import Roughness, measure
-from ..surfaces.surface import Surface
+from ..surfaces.surface import Body, Surface
 
 PAPER = "Lalleman et al. report about 0.11 for micro 0.07; sliding in equilibrium, this model gives 0.05 to 0.09"
 
@@ -64,7 +66,7 @@ def summary(test: FrictionTest, run_cpu_s: float) -> dict[str, Any]:
         "slides": [slide_numbers(each) for each in test.slides],
         "affine_fit": None if fit is None else fit._asdict(),
         "packing": {body: packing_numbers(plate[0]) | modulus_numbers(*plate) for body, plate in bodies.items()},
-        "roughness": {body: roughness_numbers(packing.surface) for body, (packing, _) in bodies.items()},
+        "roughness": {body: body_roughness(test.settings, body, packing) for body, (packing, _) in bodies.items()},
         "resonance": resonance_numbers(plates) if sways(plates) else None,
         "beams": msgspec.to_builtins(plates.beams),
         "fingerprint": test.settings.fingerprint,
@@ -154,11 +156,24 @@ def resonance_line(plates: Plates) -> str:
     return f"{line}, slid at {1e-3 * found['speed_mm_s']:.3g} m/s, {found['speed_over_f_d']:.2g} f d"
 
 
-def roughness_numbers(surface: Surface) -> dict[str, float]:
-    """Measures of a rough face, keys with their units."""
-    return {
-        f"{name}_mm" if name in ("Sa", "Sq", "Sz") else name: value for name, value in asdict(measure(surface)).items()
-    }
+def roughness_numbers(surface: Surface) -> dict[str, Any]:
+    """Measures of a rough face, keys with their units: about its mean plane, and `filtered`."""
+    raw, behind = asdict(measure(surface)), asdict(measure(filtered(surface), level=False))
+    del behind["hurst_exponent"]
+    return _with_units(raw) | {"filtered": _with_units(behind) | {"cutoff_mm": CUTOFF}}
+
+
+def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str, Any]:
+    """Measures of a body's face as it was asked for, of profiles along its strip, and of its spheres' envelope."""
+    keys, face = settings.surface, packing.surface
+    seed = keys.wheel_seed if body == "wheel" else keys.axle_seed
+    along = _with_units(asdict(profile(measured_length(keys, body, seed, face))))
+    envelope = roughness_numbers(packing.inner_envelope)
+    return roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
+
+
+def _with_units(measures: dict[str, float]) -> dict[str, Any]:
+    return {name if name in ("Sdq", "hurst_exponent") else f"{name}_mm": value for name, value in measures.items()}
 
 
 def versions() -> dict[str, str]:
@@ -207,6 +222,7 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     lines += [_resultant(each) for each in numbers["slides"] if np.isfinite(each["meso_friction_resultant"])]
     if any(np.isfinite(each["uncertainty"]) for each in numbers["slides"]):
         lines.append("Uncertainty     ± is the standard error along the slide, by which surfaces of this kind scatter")
+    lines += [_roughness(body, numbers["roughness"][body]) for body in ("wheel", "axle")]
     fit = numbers["affine_fit"]
     if fit is not None:
         line = f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}"
@@ -240,6 +256,15 @@ def _resultant(each: dict[str, Any]) -> str:
     )
 
 
+def _roughness(body: str, found: dict[str, Any]) -> str:
+    tops = found["envelope"]
+    sq, behind, spheres, sharp = (1e3 * each["Sq_mm"] for each in (found, found["filtered"], tops, tops["filtered"]))
+    return (
+        f"Roughness       {body}: Ra {1e3 * found['profile']['Ra_mm']:.2g} µm; Sq {sq:.2g} µm, {behind:.2g} behind the "
+        f"filter of {CUTOFF:g} mm; envelope of its spheres {spheres:.2g} and {sharp:.2g} µm"
+    )
+
+
 def _verdict(each: dict[str, Any]) -> str:
     micro = f"{each['micro_friction']:g}"
     if not np.isfinite(each["meso_friction"]):
@@ -256,6 +281,27 @@ def roughness_line(surface: Surface) -> str:
     hurst = f"{r.hurst_exponent:.2f}" if np.isfinite(r.hurst_exponent) else "not known on so few points"
     heights = ", ".join(f"{name} {1e3 * getattr(r, name):.3g} µm" for name in ("Sa", "Sq", "Sz"))
     return f"{heights}, Sdq {r.Sdq:.3g}, Hurst exponent {hurst}"
+
+
+def filtered_line(surface: Surface) -> str:
+    """Measures of a rough face behind the filter for people, on one line."""
+    r = measure(filtered(surface), level=False)
+    heights = ", ".join(f"{name} {1e3 * getattr(r, name):.3g} µm" for name in ("Sa", "Sq", "Sz"))
+    long = min(surface.size) / CUTOFF
+    short = f"; the face is {long:.2g} cut-offs wide, the standard asks for {SECTIONS}" if long < SECTIONS else ""
+    return f"{heights}, Sdq {r.Sdq:.3g}, without waves above {CUTOFF:g} mm (ISO 16610-61){short}"
+
+
+def profile_line(settings: Settings, body: Body, face: Surface) -> str:
+    """Ra, Rq and Rz for people, on one line: of the strip, or of what there is of a tile."""
+    keys = settings.surface
+    seed = keys.wheel_seed if body == "wheel" else keys.axle_seed
+    found = profile(measured_length(keys, body, seed, face))
+    where = "of the strip" if keys.form == "strip" else "of this face alone"
+    return (
+        f"Ra {1e3 * found.Ra:.3g} µm, Rq {1e3 * found.Rq:.3g} µm, Rz {1e3 * found.Rz:.3g} µm on "
+        f"{found.evaluation:.3g} mm {where} along the slide, cut-off {CUTOFF:g} mm (ISO 21920, ISO 4287)"
+    )
 
 
 def packing_line(packing: Packing) -> str:

@@ -13,7 +13,7 @@ from .surface import Surface
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness:
-    """Measures of a levelled surface: of what is left when its mean plane is taken away."""
+    """Measures of a surface about its mean plane, or about the nominal one behind a filter."""
 
     Sa: float
     """Mean of |h| [mm]."""
@@ -31,15 +31,19 @@ class Roughness:
     """H of the structure function [-]; nan where it cannot be told."""
 
 
-def measure(surface: Surface) -> Roughness:
+def measure(surface: Surface, *, level: bool = True) -> Roughness:
     """Sa, Sq, Sz, Sdq and the Hurst exponent of a surface, after removal of its mean plane.
 
     Means are over the area: a point counts for the area around it, half on the border, a quarter in the corners.
     No filter is applied: all wavelengths from twice the spacing to the size are in.
 
+    Args:
+        surface: the face.
+        level: take its mean plane away; a surface behind a filter has none.
+
     Source: ISO 25178-2:2012, 4.1 and 4.4.1.
     """
-    h, (wx, wy), (dx, dy) = surface.levelled().heights, surface.weights, surface.spacing
+    h, (wx, wy), (dx, dy) = (surface.levelled() if level else surface).heights, surface.weights, surface.spacing
     # An inner edge borders two triangles, one on the border one: over the triangles the mean of (dh/dx)^2 is
     # that over the edges along x with the weights of the points across, whichever diagonal cuts the cells.
     along = np.mean((np.diff(h, axis=0) / dx) ** 2, axis=0) @ wy

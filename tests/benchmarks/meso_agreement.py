@@ -20,6 +20,7 @@ from meso.engines.quasistatic import QuasiStatic
 from meso.plates import make_plates
 from meso.records import Slide
 from meso.settings import load
+from meso.surfaces.surface import TILES
 
 COEFFICIENTS = (0.01, 0.03, 0.05, 0.07, 0.09)
 
@@ -46,8 +47,8 @@ def main(words: Sequence[str]) -> int:
     lines = []
     for pair in range(options.pairs):
         keys = [
-            f"surface.wheel_seed={11 + pair}",
-            f"surface.axle_seed={31 + pair}",
+            f"surface.wheel_seed={TILES * (11 + pair)}",
+            f"surface.axle_seed={TILES * (31 + pair)}",
             f"plates.spheres={options.spheres}",
             "engine.speed=5000",
             "engine.samples=1000",

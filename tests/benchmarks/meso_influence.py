@@ -29,6 +29,7 @@ import numpy.typing as npt
 from meso.friction_test import run
 from meso.records import Curve
 from meso.settings import load
+from meso.surfaces.surface import TILES
 
 from ._measure import Point, draw_work_precision, head, row
 from ._plates import newton_iterations
@@ -104,7 +105,8 @@ def outcome(pair: int, *overrides: str) -> Outcome:
 def surfaces(pair: int) -> list[str]:
     """The settings that every run of a pair shares."""
     micro = ", ".join(f"{value:g}" for value in COEFFICIENTS)
-    return [f"surface.wheel_seed={51 + pair}", f"surface.axle_seed={71 + pair}", f"contact.micro_friction=[{micro}]"]
+    seeds = [f"surface.wheel_seed={TILES * (51 + pair)}", f"surface.axle_seed={TILES * (71 + pair)}"]  # strips apart
+    return [*seeds, f"contact.micro_friction=[{micro}]"]
 
 
 def choices(pairs: int, small: Sequence[str], quick: bool) -> list[Row]:

@@ -17,7 +17,7 @@ import numpy as np
 from meso.errors import MesoError
 from meso.friction_test import run
 from meso.settings import load
-from meso.surfaces.surface import generator
+from meso.surfaces.surface import TILES, generator
 
 
 def main(words: Sequence[str]) -> int:
@@ -38,7 +38,7 @@ def main(words: Sequence[str]) -> int:
             None,
             [
                 f"surface.levels={levels}", f"surface.max_height={height}",
-                f"surface.wheel_seed={1000 + k}", f"surface.axle_seed={5000 + k}",
+                f"surface.wheel_seed={TILES * (1000 + k)}", f"surface.axle_seed={TILES * (5000 + k)}",
                 f"plates.packing_seed={k % 10}", f"plates.spheres={options.spheres}",
                 f"contact.micro_friction={float(rng.uniform(0.01, 0.09))}",
             ],

@@ -130,7 +130,8 @@ def test_it_is_the_network_on_the_surfaces_of_the_plates(model: str, network: Pr
 def test_surfaces_are_those_of_the_provider_dem(model: str) -> None:
     """Of its very plates, at as many points as the database has; the defaults are the same too."""
     keys: dict[str, Any] = {"seed": 7, "surface": {"levels": 4, "hurst_exponent": 0.7}}
-    for options in ({}, keys):
+    forms = [{"surface": {"form": form}} for form in ("tiles", "levelled", "strip")]
+    for options in ({}, keys, *forms, {"surface": {"generator": "self_affine"}}):
         network = made(model, **options)
         dem = build("dem", options | {"plates": {"spheres": 400}}, context())
         assert isinstance(dem, TileFriction)
@@ -370,6 +371,12 @@ FOREIGN: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "levels": ({"surface": {"levels": 7}}, {}, "levels = 7 is outside"),
     "height": ({"surface": {"max_height": 0.2}}, {}, "max_height = 0.2 is outside 0.00"),
     "exponent": ({"surface": {"hurst_exponent": 0.02}}, {}, "hurst_exponent = 0.02 is outside"),
+    "spectral": (
+        {"surface": {"generator": "self_affine", "rms_height": 0.02}},
+        {},
+        "rms_height = 0.02 is outside 0.00",
+    ),
+    "lay": ({"surface": {"lay": "ground"}}, {}, "lay = 'ground' is not 'isotropic'"),
     "tile": ({}, {"tile_size": 0.5}, "tile_size = 0.5 is not 1 mm"),
     "modulus": ({}, {"youngs_modulus": 70e3}, "youngs_modulus = 70000 is outside 199820 ... 212180 MPa"),
     "ratio": ({}, {"poisson_ratio": 0.28}, "poisson_ratio = 0.28 is not 0.3"),
@@ -413,6 +420,18 @@ def test_unseen_inputs_can_be_predicted_with_a_warning(
     answers(provider, (1, 3), (0, 0))
     assert (provider.out_of_range, len(warned)) == (3, 1)
     assert not [each for each in recwarn if "asked nevertheless" in str(each.message)]
+
+
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("form", ["tiles", "levelled", "strip"])
+def test_every_form_is_within_what_was_seen(model: str, form: str) -> None:
+    """A network sees slopes, whatever a face was cut from; forms have faces, and so coefficients, of their own."""
+    found = made(model, surface={"form": form})
+    assert found.trusted
+    others = [made(model, surface={"form": other}) for other in ("tiles", "levelled", "strip") if other != form]
+    for other in others:
+        assert answers(other, *PAIRS) != answers(found, *PAIRS)
+    assert made(model, surface={"form": form, "generator": "self_affine"}).trusted
 
 
 @pytest.mark.usefixtures("quiet")

@@ -166,9 +166,11 @@ def test_what_does_not_exist_is_null(tmp_path):
 
 def closing_words(*slides: Slide) -> str:
     fit = report.affine(slides)
+    sq = {"Sq_mm": 3e-3, "filtered": {"Sq_mm": 8e-4}}
+    rough = sq | {"profile": {"Ra_mm": 6.1e-4}, "envelope": {"Sq_mm": 0.024, "filtered": {"Sq_mm": 0.023}}}
     numbers = {
         "slides": [report.slide_numbers(each) for each in slides], "packing_cpu_s": 0.25, "run_cpu_s": 1.5,
-        "affine_fit": None if fit is None else fit._asdict(),
+        "affine_fit": None if fit is None else fit._asdict(), "roughness": dict.fromkeys(("wheel", "axle"), rough),
     }  # fmt: skip
     return "\n".join(report.sentences(numbers))
 
@@ -180,6 +182,8 @@ def test_the_closing_words():
     assert "about 0.11 for micro 0.07" in words
     assert "quasi-static; 0.25 s of CPU for the plates, 1.50 s for the rest" in words
     assert "Affine" not in words
+    said = "axle: Ra 0.61 µm; Sq 3 µm, 0.8 behind the filter of 0.8 mm; envelope of its spheres 24 and 23 µm"
+    assert f"Roughness       {said}" in words
 
 
 def test_the_closing_words_of_several():

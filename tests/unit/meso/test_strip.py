@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import fftconvolve
 
 from meso.errors import SettingsError, SurfaceError
 from meso.settings import FaceKeys
 from meso.surfaces import strip
 from meso.surfaces.face import rough_face
 from meso.surfaces.roughness import measure
-from meso.surfaces.surface import Surface, diamond_square, face_generator, self_affine
+from meso.surfaces.surface import Surface, diamond_square, face_generator, self_affine, subdivide
 
 KINDS: list[dict[str, Any]] = [
     {},
@@ -49,6 +50,39 @@ def test_neighbours_agree_on_what_they_share(kind: dict[str, Any], edge: float) 
         face = rough_face(keys, "axle", STRIP + 5 + tile, (2 * edge, edge))
         assert np.array_equal(face.heights, whole[tile * cells : (tile + 2) * cells + 1])
     assert len(np.unique(whole)) > 0.9 * whole.size  # nothing is repeated
+
+
+@pytest.mark.parametrize("levels", [1, 3, 5])
+def test_columns_are_cut_from_one_plane(levels: int) -> None:
+    """Diamond-Square on nine columns at once, from the same random numbers: the inner ones to the bit."""
+    count, side, R, H = 9, 2**levels, 0.02, 0.4
+    near = [strip._draws("axle", 11, levels, 5 + k) for k in range(count + 1)]
+    h = np.zeros((count * side + 1, 3 * side + 1))
+    h[::side, ::side] = R * (np.stack([each.corners for each in near]) - 0.5)
+    for level in range(1, levels + 1):
+        step = side >> level
+        subdivide(h[::step, ::step], strip._noise(near, level), R * 2.0 ** (-H * level))
+    face = rough_face(FaceKeys(levels=levels, max_height=R, hurst_exponent=H), "axle", STRIP + 6, (7.0, 1.0))
+    assert np.array_equal(face.heights[:-1], h[side : 8 * side, side : 2 * side + 1])
+
+
+def test_a_spectral_strip_is_one_convolution() -> None:
+    """Its noise under its kernel, on seven columns at once: to the rounding of the transforms."""
+    margin, cells = 8, 8
+    noise = np.concatenate([strip._white("wheel", 11, cells, margin, column) for column in range(5, 12)])
+    shape = (cells + 2 * margin, cells + 1 + 2 * margin)
+    kernel = np.roll(np.fft.irfft2(strip._kernel(shape, margin, 0.8, 0.8 * cells), shape), (margin, margin), (0, 1))
+    whole = 0.0016 * fftconvolve(noise, kernel[: 2 * margin + 1, : 2 * margin + 1], "valid")
+    face = rough_face(FaceKeys(generator="self_affine"), "wheel", STRIP + 6, (5.0, 1.0))
+    assert face.heights[:-1] == pytest.approx(whole[: 5 * cells], abs=1e-15)
+
+
+@pytest.mark.parametrize("generator", ["diamond_square", "self_affine"])
+def test_no_seams(generator: Any) -> None:
+    """Steps into a column are as large as those out of its first points: 4000 of nine each, to 3 % (standard error)."""
+    h = rough_face(FaceKeys(generator=generator), "axle", STRIP, (4000.0, 1.0)).heights
+    steps = np.mean(np.diff(h, axis=0) ** 2, axis=1).reshape(4000, 8).mean(axis=0)
+    assert steps[-1] == pytest.approx(steps[0], rel=0.1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
