@@ -152,8 +152,8 @@ class Motion(Keys, frozen=True):
     start: Annotated[
         float,
         told(
-            "First displacement [mm]; where the bodies overlap there, the wheel is shrunk on in place: without friction "
-            "and free along the axis, so that the first force is 0."
+            "First displacement [mm]; where the bodies overlap there, it is shrunk on in place, without friction "
+            "and free along the axis: the first force is 0."
         ),
     ] = 0.0
     travel: Annotated[float, told("Final displacement [mm].")] = 0.0
