@@ -41,6 +41,8 @@ __all__ = [
 ]  # fmt: skip
 
 FORMAT = "macrofit-surrogate database"
+CHECK_SUM = "sha256"
+"""Root attribute with the check sum of all but the samples, which have their own; files of older versions lack it."""
 JOURNALLED = 500
 """Samples in the journal, at least, before the HDF5 file takes them; later a tenth of what the file holds."""
 LONGEST_REASON = 400
@@ -177,6 +179,7 @@ class Writer:
             _create(draft, self.header)
         with h5py.File(draft, "r+") as file:
             _extend(file, rows, self._failures)
+            file.attrs[CHECK_SUM] = _check_sum(file, self.header)
             self._stored = len(file["samples/id"])
 
     def close(self) -> None:
@@ -307,6 +310,7 @@ def _create(path: Path, header: Header) -> None:
             )
         for name, kind in (("id", np.dtype("<i8")), ("reason", np.dtype(f"S{LONGEST_REASON}"))):
             file.create_dataset(f"failures/{name}", shape=(0,), maxshape=(None,), chunks=(64,), dtype=kind)
+        file.attrs[CHECK_SUM] = _check_sum(file, header)
 
 
 def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None:
@@ -345,11 +349,23 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
                 raise DatabaseError(f"{path}: is of schema {file.attrs['schema']}, not {SCHEMA}; make it anew")
             _check_stored(file)
             kinds = {field.name: field.type for field in msgspec.structs.fields(Header)}
-            yield file, Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
+            header = Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
+            if CHECK_SUM in file.attrs and file.attrs[CHECK_SUM] != _check_sum(file, header):
+                raise ValueError("its header, ids, times or failures do not match their checksum")
+            yield file, header
     except DatabaseError:
         raise
     except _DAMAGED as error:
         raise DatabaseError(f"{path}: is damaged or cut short ({error}); move it away and make it anew") from error
+
+
+def _check_sum(file: Any, header: Header) -> str:
+    """SHA-256 of all that the digests of the samples do not cover, and of these."""
+    whole = hashlib.sha256(msgspec.json.encode(header))
+    for name in ("samples/id", "samples/sha256", "samples/cpu_s", "failures/id", "failures/reason"):
+        stored = file[name][:]
+        whole.update(f"\n{name} {stored.dtype.str} {stored.shape}\n".encode() + stored.tobytes())
+    return whole.hexdigest()
 
 
 def _check_stored(file: Any) -> None:

@@ -212,6 +212,27 @@ def doubled(path: Path) -> None:
     fill(path, [0])
     with h5py.File(path, "r+") as file:
         database._extend(file, np.frombuffer(row(0), HEADER.row()), {})
+        del file.attrs[database.CHECK_SUM]  # as in files of older versions
+
+
+def other_plates(path: Path) -> None:
+    fill(path, [0])
+    with h5py.File(path, "r+") as file:
+        file.attrs["settings"] = HEADER.settings.replace("500", "501")
+
+
+def another_reason(path: Path) -> None:
+    with open_database(path, HEADER) as (writer, _):
+        writer.append(row(0))
+        writer.fail(1, "no equilibrium")
+    with h5py.File(path, "r+") as file:
+        file["failures/id"][0] = 2
+
+
+def another_time(path: Path) -> None:
+    fill(path, [0])
+    with h5py.File(path, "r+") as file:
+        file["samples/cpu_s"][0] *= 2.0
 
 
 def cut_in_half(path: Path) -> None:
@@ -234,6 +255,9 @@ BAD = {
     lacks_a_field: "damaged",
     another_number: "does not match its checksum",
     doubled: "twice",
+    other_plates: "do not match their checksum",
+    another_reason: "do not match their checksum",
+    another_time: "do not match their checksum",
     cut_in_half: "damaged",
     cut_in_its_head: "damaged",
     pickled: "not an HDF5 file",
