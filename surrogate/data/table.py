@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from macrofit.base.errors import OutputError
+from macrofit.base.errors import OutputError, shortened
 from macrofit.base.files import read_regular, replacing
 
 from ..errors import DatabaseError
@@ -86,7 +86,7 @@ def read_table(path: Path) -> Database:
             raise DatabaseError(f"{path}: was changed or damaged after it was written: its digest differs; get it anew")
         samples = _samples(about.header, list(csv.DictReader(io.StringIO(body.decode()))))
     except (msgspec.DecodeError, ValueError, KeyError) as error:
-        raise DatabaseError(f"{path}: is a damaged table of samples ({error}); get it anew") from error
+        raise DatabaseError(f"{path}: is a damaged table of samples ({shortened(error)}); get it anew") from error
     return Database(about.header, samples, {}, about.content_hash)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -20,8 +21,9 @@ from macrofit.study.plan import PlannedRun
 from macrofit.study.record import RunRecord, StudyFile
 from meso.coefficient_cache import CoefficientCache, Entry, code
 from meso.packing.cache import flat_packing
+from meso.packing.pack import Packing
 from meso.settings import Settings
-from surrogate.data.database import Header, content_hash, open_database, read_database
+from surrogate.data.database import Database, Header, content_hash, open_database, read_database
 from surrogate.data.journal import journal_of
 from surrogate.data.samples import Samples
 from surrogate.data.table import read_table, write_table
@@ -30,7 +32,7 @@ from surrogate.network.resume import TrainingState
 
 from ..fakes import fake_increment, fake_scene, fake_solution
 from ..untrained import untrained
-from ._database import made_up
+from ._database import TOY, made_up
 
 Content = list[bytes] | None
 """What a file holds, piece by piece; None where it is as good as none and what it held is made anew."""
@@ -43,6 +45,8 @@ HEADER = Header(
     squares=2,
     points=5,
 )
+SAMPLES = 120
+"""About a chunk of a database."""
 KEY = "the training of a benchmark"
 DIGEST = "0" * 64
 PACKING = (300, (1.0, 1.0), 0.4, 1)
@@ -120,27 +124,32 @@ def read_coefficient(path: Path) -> Content:
     return None if entry is None else [msgspec.json.encode(entry)]
 
 
-def make_packing(folder: Path) -> Path:
+def packed(cache: Path) -> Packing:
+    """The packing, from this cache or made and kept there."""
+    os.environ["MACROFIT_CACHE"] = str(cache)
     flat_packing.cache_clear()
-    flat_packing(*PACKING)
+    return flat_packing(*PACKING)
+
+
+def make_packing(folder: Path) -> Path:
+    packed(folder)
     (path,) = (folder / "packings").iterdir()
     return path
 
 
 def read_packing(path: Path) -> Content:
-    flat_packing.cache_clear()
-    packing = flat_packing(*PACKING)
+    packing = packed(path.parents[1])
     return [plain(packing.centres), plain(packing.radii)]
 
 
 def rows() -> list[bytes]:
     """Samples of numbers without a short form."""
-    made = np.zeros(12, HEADER.row())
+    made = np.zeros(SAMPLES, HEADER.row())
     rng = np.random.default_rng(1)
     for name in made.dtype.names or ():
         if made[name].dtype.kind == "f":
             made[name] = rng.standard_normal(made[name].shape)
-    made["id"], made["engine"], made["remark"] = np.arange(12), b"quasi-static", b"no equilibrium"
+    made["id"], made["engine"], made["remark"] = np.arange(SAMPLES), b"quasi-static", b"no equilibrium"
     return [row.tobytes() for row in made]
 
 
@@ -149,7 +158,7 @@ def make_database(folder: Path) -> Path:
     with open_database(path, HEADER) as (writer, _):
         for row in rows():
             writer.append(row)
-        writer.fail(12, "the plates do not touch")
+        writer.fail(SAMPLES, "the plates do not touch")
     return path
 
 
@@ -170,10 +179,6 @@ def read_samples(path: Path) -> Content:
 
 
 def make_table(folder: Path) -> Path:
-    from surrogate.data.database import Database
-
-    from ._database import TOY
-
     samples, path = made_up(4), folder / "samples.csv"
     write_table(Database(TOY, samples, {}, content_hash(samples)), path)
     return path
