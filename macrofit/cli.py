@@ -215,11 +215,12 @@ def identify(
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
     """Print a summary; of a quiet run its doubts alone, as errors are."""
+    from .base.progress import say
     from .results.doubts import DOUBTFUL
 
     for line in lines:
         if not quiet:
-            click.echo(line)
+            say(line)
         elif line.startswith(DOUBTFUL):
             click.echo(line, err=True)
 

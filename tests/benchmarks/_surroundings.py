@@ -90,7 +90,7 @@ def commands(folder: Path, inputs: Path) -> dict[str, list[str]]:
 def make_inputs(folder: Path) -> None:
     """A scene and a database to learn from."""
     (folder / "scene.toml").write_text(dump_scene(small_press(fields=True)))
-    words = ["surrogate", "generate", "-o", str(folder / "db.h5"), "--pairs", "14", *PLATES, "--quiet", "--jobs", "1"]
+    words = ["surrogate", "generate", "-o", str(folder / "db.h5"), "--pairs", "24", *PLATES, "--quiet", "--jobs", "1"]
     said = Place(name="here").run(words)
     if said.code:
         raise SystemExit(f"the database cannot be made: {said.err}")

@@ -65,8 +65,8 @@ def interrupt(trial: Trial, number: int, rng: np.random.Generator, life: float) 
     return False
 
 
-def faults(trial: Trial, number: int, done: float | None) -> Iterator[str]:
-    """What is wrong with the end of an interrupted run."""
+def faults(trial: Trial, number: int, done: float | None, *, whole: bool) -> Iterator[str]:
+    """What is wrong with the end of an interrupted run, whose results may be ``whole`` already."""
     if done is None:
         yield f"processes left after {PATIENCE_S:g} s"
     said = trial.said()
@@ -75,10 +75,10 @@ def faults(trial: Trial, number: int, done: float | None) -> Iterator[str]:
             yield "traceback"
         if len(complaints(said)) > 1:
             yield f"{len(complaints(said))} lines"
-        if trial.ranks == 1 and not complaints(said) and trial.code != -number:
-            yield f"no word, code {trial.code}"
-        if trial.code == 0:
+        if trial.code == 0 and not whole:
             yield "code 0"
+        elif trial.ranks == 1 and not complaints(said) and trial.code not in (0, -number):
+            yield f"no word, code {trial.code}"
 
 
 def resumed(scene: Path, folder: Path, wanted: Path, ranks: int) -> Iterator[str]:
@@ -101,7 +101,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3])
     options = parser.parse_args(words)
     count, every = (1, [1, 2]) if options.quick else (options.count, options.ranks)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would hand on that it is ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
     print(head("ranks", "interrupted by", "runs", "before their end", "slowest end s", "faults"))
     bad = 0
     with tempfile.TemporaryDirectory() as name:
@@ -120,7 +120,8 @@ def main(words: Sequence[str]) -> int:
                     hit = interrupt(trial, number, rng, life)
                     done = trial.gone(PATIENCE_S if hit else LIMIT_S)
                     slowest, before = max(slowest, done or PATIENCE_S), before + hit
-                    wrong = list(faults(trial, number, done)) if hit else []
+                    whole = not differences(folder, wanted)
+                    wrong = list(faults(trial, number, done, whole=whole)) if hit else []
                     wrong += resumed(scene, folder, wanted, ranks)
                     for fault in wrong:
                         print(f"seed {options.seed}, {ranks} ranks, {how}, case {case}: {fault}", file=sys.stderr)
