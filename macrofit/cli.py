@@ -26,6 +26,7 @@ from .base.commands import (
     few_threads,
     say_bug,
     set_option,
+    was_interrupted,
 )
 from .base.ranks import leave
 from .errors import MacrofitError
@@ -267,13 +268,13 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
         if comm.rank == 0:
             complain(error)
         sys.exit(USER_MISTAKE)
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            complain(f"interrupted; what was computed is in {folder}, continue with --resume")
-        else:
-            time.sleep(PATIENCE_S)
-        leave(comm, INTERRUPTED)
-    except Exception:
+    except (KeyboardInterrupt, Exception) as error:
+        if was_interrupted(error):
+            if comm.rank == 0:
+                complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+            else:
+                time.sleep(PATIENCE_S)
+            leave(comm, INTERRUPTED)
         if comm.size == 1:
             raise
         say_bug(comm.rank, comm.size)

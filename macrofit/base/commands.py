@@ -50,6 +50,13 @@ class Commands(click.Group):
             swallow(sys.stdout)
             complain(f"standard output: cannot be written: {error.strerror} (make room, then give the command again)")
             ctx.exit(USER_MISTAKE)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if not was_interrupted(error):
+                raise
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
         finally:
             atexit.register(end_at_once)  # last in, first out: before what was imported meanwhile cleans up
 
@@ -77,6 +84,13 @@ def warnings_on_one_line() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: complain(f"warning: {message}")
         yield
+
+
+def was_interrupted(error: BaseException | None) -> bool:
+    """Whether an error began as Ctrl-C: a library in C that is loading makes an ImportError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def end_as_ctrl_c() -> None:

@@ -77,3 +77,23 @@ def test_a_signal_while_python_cleans_up_ends_it_without_a_word(number: int) -> 
         run.send_signal(number)
         assert run.wait(timeout=10) == -number
         assert run.stderr.read() == b""
+
+
+@pytest.mark.parametrize("how", ["raise ImportError('initialization failed') from error", "raise ImportError('odd')"])
+def test_an_interruption_that_a_library_hides_is_one(how: str) -> None:
+    """dolfinx, interrupted while it is loaded, says ImportError."""
+    code = COMMAND.replace(
+        "    pass\n", f"    try: raise KeyboardInterrupt\n    except KeyboardInterrupt as error: {how}\n"
+    )
+    code = code.replace("time.sleep(30)", "")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "macrofit: interrupted\n")
+
+
+def test_an_interruption_that_a_command_has_told_is_told_once() -> None:
+    told = "try: raise KeyboardInterrupt\n    except KeyboardInterrupt: click.echo('told', err=True); sys.exit(130)\n"
+    for end in ("sys.exit(130)", "click.get_current_context().exit(130)"):
+        code = "import sys" + COMMAND.replace("    pass\n", f"    {told.replace('sys.exit(130)', end)}")
+        code = code.replace("time.sleep(30)", "")
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == (130, "told\n")
