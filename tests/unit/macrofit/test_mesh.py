@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -404,7 +405,7 @@ def pressed(
 def moved(body: str, r: float = 0.0, z: float = 0.0) -> MeshData:
     """A shipped mesh, moved [mm]; an axle moves off its axis."""
     data = read_mesh(str(MESHES / f"{body}.msh"), body)
-    return MeshData(data.points + np.array([r, z]), data.triangles, data.edges)
+    return replace(data, points=data.points + np.array([r, z]))
 
 
 def test_mesh_scenes_are_judged_by_their_gap(tmp_path: Path) -> None:
