@@ -87,9 +87,11 @@ def commands(folder: Path, inputs: Path) -> dict[str, list[str]]:
     }  # fmt: skip
 
 
-def make_inputs(folder: Path) -> None:
-    """A scene and a database to learn from."""
+def make_inputs(folder: Path, *, database: bool) -> None:
+    """A scene and, where it is wanted, a database to learn from."""
     (folder / "scene.toml").write_text(dump_scene(small_press(fields=True)))
+    if not database:
+        return
     words = ["surrogate", "generate", "-o", str(folder / "db.h5"), "--pairs", "24", *PLATES, "--quiet", "--jobs", "1"]
     said = Place(name="here").run(words)
     if said.code:

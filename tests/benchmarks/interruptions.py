@@ -95,7 +95,7 @@ def resumed(scene: Path, folder: Path, wanted: Path, ranks: int) -> Iterator[str
 def main(words: Sequence[str]) -> int:
     """Print a row per number of ranks and signal; 1 where anything was wrong."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks interruptions", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one of each, on one and on two ranks")
+    parser.add_argument("--quick", action="store_true", help="one SIGTERM on one and on two ranks")
     parser.add_argument("-n", dest="count", type=int, default=20, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3])
@@ -110,7 +110,7 @@ def main(words: Sequence[str]) -> int:
         for ranks in every:
             wanted = Path(name) / f"undisturbed{ranks}"
             life = undisturbed(scene, wanted, ranks)
-            for how, number in HOW.items():
+            for how, number in list(HOW.items())[: 1 if options.quick else None]:
                 found: Counter[str] = Counter()
                 slowest, before = 0.0, 0
                 for case in range(count):

@@ -41,7 +41,7 @@ def main(words: Sequence[str]) -> int:
     rng, bad = np.random.default_rng(options.seed), 0
     with tempfile.TemporaryDirectory() as name:
         folder, target = Path(name), Path(name) / "out"
-        make_inputs(folder)
+        make_inputs(folder, database=not options.quick)
         every = commands(target, folder)
         chosen = {key: every[key] for key in every if not options.quick or key == "macrofit run"}
         print(head("place", *chosen))
