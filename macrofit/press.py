@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -19,6 +19,8 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
+from .plasticity.body import Eigen
+from .plasticity.yielding import Flow, Loads, Settled, Yielding, shifted
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
 
@@ -54,16 +56,17 @@ class State:
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see `contact.law`
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
+    flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The state as named arrays, for a journal."""
-        return {name: np.asarray(getattr(self, name)) for name in self.__dataclass_fields__}
+        """The state of the contact as named arrays, for a journal."""
+        return {name: np.asarray(getattr(self, name)) for name in self.__dataclass_fields__ if name != "flow"}
 
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
         scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
-        own = {name: arrays[name] for name in State.__dataclass_fields__}
+        own = {name: arrays[name] for name in State.__dataclass_fields__ if name != "flow"}
         return State(**{**own, **scalars})  # type: ignore[arg-type]
 
 
@@ -80,13 +83,15 @@ class Step:
     friction_bound: float  # integral of friction * pressure
     strain_energy: float
     dissipation: float
+    settled: Settled | None = None
 
 
 class Press:
     """A press-fit: the two contact lines, an engine, the friction field, and one increment at a time."""
 
-    def __init__(self, scene: Scene, seat: Seat, bore: ContactLine, engine: Engine, friction: FrictionField) -> None:
+    def __init__(self, scene: Scene, seat: Seat, bore: ContactLine, engine: Engine, friction: FrictionField, yielding: Yielding | None = None) -> None:
         self.scene, self.seat, self.bore, self.engine, self.friction = scene, seat, bore, engine, friction
+        self.yielding = yielding
 
     def rest(self) -> State:
         """The undeformed state before the first increment."""
@@ -105,6 +110,7 @@ class Press:
             sign=moments,
             kappa=moments.astype(np.float64),
             held=moments.astype(np.float64),
+            flow=None if self.yielding is None else self.yielding.rest(),
         )
 
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
@@ -172,19 +178,52 @@ class Press:
         covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
-        approach = np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old])
         contact = ContactProblem(
             covered=covered,
             coupling=coupling,
-            approach=approach,
+            undeformed=np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old]),
             radial=self.seat.line.radial,
             nitsche=self.seat.nitsche,
         )
         friction = self._facet_friction(coupling, state, displacement)[covered.facet]
         guess = self._first_guess(state, contact, friction, moved)
+        kappa = self._first_kappa(state, contact)
         problem = self.engine.problem(contact)
-        report = newton(problem, friction, guess, self._first_kappa(state, contact))
-        return self._step(state, displacement, contact, friction, report, problem.displacements(report.answer))
+        if self.yielding is None:
+            report, settled = newton(problem, friction, guess, kappa), None
+            moved_to = problem.displacements(report.answer)
+        else:
+            report, contact, settled = self._settle(state, problem, friction, guess, kappa)
+            moved_to = self._with_eigen(problem.displacements(report.answer), settled)
+        return self._step(state, displacement, contact, friction, report, moved_to, settled)
+
+    def _settle(
+        self, state: State, problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray
+    ) -> tuple[Report, ContactProblem, Settled]:
+        """Contact and plastic strains that fit each other."""
+        assert self.yielding is not None and state.flow is not None
+        report, undeformed = None, problem.contact
+        spent = 0
+
+        def contact(eigen: dict[str, Eigen]) -> Loads:
+            nonlocal report, status, kappa, spent
+            problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
+            report = newton(problem, friction, status, kappa)
+            status, kappa, spent = report.status, report.answer.kappa, spent + report.iterations
+            return problem.contact.loads(report.answer.total)
+
+        settled = self.yielding.settle(state.flow, contact)
+        converged = report.converged and settled.converged
+        return replace(report, iterations=spent, converged=converged), problem.contact, settled
+
+    def _with_eigen(self, displacements: tuple[FloatArray, FloatArray], settled: Settled) -> tuple[FloatArray, FloatArray]:
+        """Whole displacements of the loaded and the bore's nodes."""
+        seat, bore = displacements
+        if "axle" in settled.eigen:
+            seat = seat + settled.eigen["axle"].displacement.reshape(2, -1)[:, : self.seat.loaded].ravel()
+        if "wheel" in settled.eigen:
+            bore = bore + settled.eigen["wheel"].displacement
+        return seat, bore
 
     def _first_guess(self, state: State, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
         """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
@@ -260,6 +299,7 @@ class Press:
         friction: FloatArray,
         report: Report,
         displacements: tuple[FloatArray, FloatArray],
+        settled: Settled | None,
     ) -> Step:
         """What a trial leaves: the next state, resultants and energies."""
         answer, weight = report.answer, contact.covered.weight
@@ -282,6 +322,7 @@ class Press:
             sign=self._by_moment(contact, report.status.sign).astype(np.int64),
             kappa=self._by_moment(contact, answer.kappa),
             held=self._by_moment(contact, held),
+            flow=None if settled is None else settled.flow,
         )
         pressure = -answer.traction[0]
         return Step(
@@ -292,8 +333,9 @@ class Press:
             normal_force=float(weight @ pressure),
             friction_force=float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
             friction_bound=float(weight @ (friction * pressure)),
-            strain_energy=self._strain_energy(after),
+            strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
+            settled=settled,
         )
 
     def _strain_energy(self, state: State) -> float:
@@ -343,14 +385,12 @@ class Press:
 
     def _apart(self, state: State, displacement: float) -> Step:
         """The bodies face each other nowhere: everything is zero."""
-        rest = self.rest()
-        after = State(
-            **{
-                **rest.arrays(),
-                "displacement": displacement,
-                "direction": state.direction,  # type: ignore[arg-type]
-                "accumulated_slip": state.accumulated_slip,
-            }
+        after = replace(
+            self.rest(),
+            displacement=displacement,
+            direction=state.direction,
+            accumulated_slip=state.accumulated_slip,
+            flow=state.flow,
         )
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))

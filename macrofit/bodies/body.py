@@ -110,7 +110,7 @@ class Body:
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
         moduli = (self.material.lame_lambda, self.material.shear_modulus)
         self.space = discretise(data, keys.order, weak_form, moduli)
-        self.line, self.trace = _contact_line(
+        self.line, self.trace, self.line_cells = _contact_line(
             self.space,
             contact,
             which,
@@ -209,15 +209,19 @@ class Body:
 
     def back_substitute(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
-        if self._factor is None:
-            self._factor = Factor(self.stiffness[self.free][:, self.free], symmetric=True)
-            self.factorisations += 1
         loaded = loads.shape[0] // 2
         dofs = self.trace_dofs.reshape(2, -1)[:, :loaded].ravel()
         rhs = np.zeros((self.dofs, loads.shape[1]))
         rhs[dofs] = loads
-        out = np.zeros_like(rhs)
-        out[self.free] = self._factor.solve(rhs[self.free])
+        return self.solve(rhs)
+
+    def solve(self, loads: FloatArray) -> FloatArray:
+        """Displacement of every node, (dofs, k) [mm], from nodal loads (dofs, k) [N]; loads on supports do nothing."""
+        if self._factor is None:
+            self._factor = Factor(self.stiffness[self.free][:, self.free], symmetric=True)
+            self.factorisations += 1
+        out = np.zeros_like(loads)
+        out[self.free] = self._factor.solve(loads[self.free])
         self.back_substitutions += loads.shape[1]
         return out
 
@@ -250,8 +254,8 @@ def _contact_line(
     beside: FloatArray,
     radial: bool,
     with_cells: bool,
-) -> tuple[ContactLine, IntArray]:
-    """Order the facets by coordinate, and number the trace nodes."""
+) -> tuple[ContactLine, IntArray, IntArray]:
+    """Order the facets by coordinate, and number the trace nodes; the line, these nodes, the cells behind its facets."""
     axis = 1 if radial else 0
     cell, a, b = space.edges[contact].T
     pairs = np.stack([space.cells[cell, a], space.cells[cell, b]], axis=1)
@@ -289,4 +293,4 @@ def _contact_line(
         material=material,
         beside=beside,
     )
-    return line, trace
+    return line, trace, cell

@@ -9,7 +9,13 @@ from ..base.arrays import FloatArray
 from .body import Body
 from .elasticity import stiffness_moduli, strain_operator
 
-_POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0  # Gauss points of degree 2
+
+
+def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:
+    """Points (k, 2) on the reference triangle where stresses are taken, and their weights (k,): one, or three of P2."""
+    if order == 2:
+        return np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0, np.full(3, 1.0 / 6.0)
+    return np.array([[1.0, 1.0]]) / 3.0, np.array([0.5])
 
 
 class StressEvaluator:
@@ -18,7 +24,7 @@ class StressEvaluator:
     def __init__(self, body: Body) -> None:
         self.body = body
         space = body.space
-        self.points = _POINTS if space.order == 2 else np.array([[1.0, 1.0]]) / 3.0
+        self.points, _ = gauss_points(space.order)
         count, k = len(space.cells), len(self.points)
         corners = np.repeat(space.nodes[space.cells[:, :3]], k, axis=0)
         strain, self.places = strain_operator(space.order, corners, np.tile(self.points, (count, 1)))
