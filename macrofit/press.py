@@ -193,12 +193,18 @@ class Press:
             report, settled = newton(problem, friction, guess, kappa), None
             moved_to = problem.displacements(report.answer)
         else:
-            report, contact, settled = self._settle(state, problem, friction, guess, kappa)
+            report, contact, settled = self._settle(state, moved, problem, friction, guess, kappa)
             moved_to = self._with_eigen(problem.displacements(report.answer), settled)
         return self._step(state, displacement, contact, friction, report, moved_to, settled)
 
     def _settle(
-        self, state: State, problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray
+        self,
+        state: State,
+        moved: float,
+        problem: LinearProblem,
+        friction: FloatArray,
+        status: Status,
+        kappa: FloatArray,
     ) -> tuple[Report, ContactProblem, Settled]:
         """Contact and plastic strains that fit each other."""
         assert self.yielding is not None and state.flow is not None
@@ -212,7 +218,7 @@ class Press:
             status, kappa, spent = report.status, report.answer.kappa, spent + report.iterations
             return problem.contact.loads(report.answer.total)
 
-        settled = self.yielding.settle(state.flow, contact)
+        settled = self.yielding.settle(state.flow, moved, contact)
         converged = report.converged and settled.converged
         return replace(report, iterations=spent, converged=converged), problem.contact, settled
 

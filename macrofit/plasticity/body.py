@@ -11,15 +11,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
-from ..base.arrays import FloatArray
+from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import Body
 from ..bodies.elasticity import stiffness_moduli, strain_operator
 from ..bodies.stress import gauss_points
-from .law import Hardening, PointState, flow
+from .law import Hardening, PointState, flow, overshoot
+
+
+NEIGHBOURS = 3
+"""Points that a carried value is taken from."""
+
+MARGIN = 0.1
+"""Part of the yield stress by which a point may stay below it and be watched in a step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,30 +63,49 @@ class PlasticBody:
         data, rows, columns = np.broadcast_arrays(strain, rows, columns)
         shape = (4 * self.count, body.dofs)
         self.operator = sp.csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-        self.spread = self.operator.T.tocsr()
 
-    def rest(self) -> PointState:
-        """The state before anything flowed."""
-        return PointState.virgin(self.count, self.law.backs)
+    def rest(self) -> BodyFlow:
+        """Nothing flowed yet."""
+        none = np.zeros(0, dtype=np.int64)
+        return BodyFlow(
+            state=PointState.virgin(self.count, self.law.backs), points=none, gained=np.zeros((0, 4)), moved=0.0
+        )
+
+    def expected(self, before: BodyFlow, moved: float) -> tuple[IntArray, FloatArray]:
+        """Points that will probably flow in a step, and their plastic strain in it (m, 4).
+
+        What flows is what the edge of the seat passes: it stays where it is in the axle, and moves back in the wheel.
+        """
+        share = moved / before.moved if before.moved else 0.0
+        if not 0.0 < share <= 2.0 or not len(before.points):
+            return np.zeros(0, dtype=np.int64), np.zeros((0, 4))
+        if self.body.which == "axle":
+            return before.points, share * before.gained
+        gained = np.zeros((self.count, 4))
+        gained[before.points] = share * before.gained
+        gained = self._carried(-moved) @ gained
+        points = np.flatnonzero(gained.any(axis=1))
+        return points, gained[points]
+
+    @lru_cache(maxsize=4)
+    def _carried(self, along: float) -> sp.csr_matrix:
+        """Takes values at the points to where they are carried by a distance along the axis [mm], of `NEIGHBOURS`."""
+        distance, nearest = cKDTree(self.places + np.array([0.0, along])).query(self.places, k=NEIGHBOURS)
+        weight = 1.0 / (distance + 1e-3 * abs(along)) ** 2
+        weight /= weight.sum(axis=1, keepdims=True)
+        rows = np.repeat(np.arange(self.count), NEIGHBOURS)
+        return sp.csr_matrix((weight.ravel(), (rows, nearest.ravel())), shape=(self.count, self.count))
 
     def load(self, plastic: FloatArray) -> FloatArray:
         """f_p (dofs,) [N] of plastic strains (points, 4)."""
-        return np.asarray(self.spread @ (self.weight[:, None] * (plastic @ self.moduli)).ravel())
+        return np.asarray(self.operator.T @ (self.weight[:, None] * (plastic @ self.moduli)).ravel())
 
-    def displace(self, load: FloatArray) -> FloatArray:
-        """K^-1 of a nodal load (dofs,) [N]: (dofs,) [mm]."""
-        return self.body.solve(load[:, None])[:, 0]
+    def stress(self, displacement: FloatArray, plastic: FloatArray) -> FloatArray:
+        """D (B u - eps_p) (points, 4) [MPa]."""
+        return np.asarray(((self.operator @ displacement).reshape(-1, 4) - plastic) @ self.moduli)
 
-    def displace_trace(self, load: FloatArray) -> FloatArray:
-        """K^-1 of a load on the trace nodes (2 loaded nodes,) [N]: (dofs,) [mm]."""
-        return self.body.back_substitute(load[:, None])[:, 0]
-
-    def eigen(self, displacement: FloatArray, plastic: FloatArray) -> Eigen:
-        """What plastic strains (points, 4) and their displacement K^-1 f_p (dofs,) do at the contact line."""
-        return Eigen(displacement=displacement[self.body.trace_dofs], traction=self._traction(plastic))
-
-    def _traction(self, plastic: FloatArray) -> FloatArray:
-        """n . D eps_p at the ends of the facets: linear through the points of the cell behind each."""
+    def traction(self, plastic: FloatArray) -> FloatArray:
+        """n . D eps_p at the ends of the facets (facets, 2 ends, 2): linear through the points of the cell behind."""
         line = self.body.line
         stress = plastic.reshape(-1, self.per_cell, 4)[self.body.line_cells] @ self.moduli
         if self.per_cell == 1:
@@ -89,37 +117,107 @@ class PlasticBody:
         t_r, t_z = n_r * ends[..., 0] + n_z * ends[..., 3], n_r * ends[..., 3] + n_z * ends[..., 1]
         return np.stack([n_r * t_r + n_z * t_z, n_r * t_z - n_z * t_r], axis=2)
 
-    def stress(self, displacement: FloatArray, plastic: FloatArray) -> FloatArray:
-        """D (B u - eps_p) (points, 4) [MPa]."""
-        return np.asarray(((self.operator @ displacement).reshape(-1, 4) - plastic) @ self.moduli)
-
-    def flowed(self, displacement: FloatArray, before: PointState) -> PointState:
-        """The state that the law gives at a displacement (dofs,), from that before the step."""
-        return flow(self.stress(displacement, before.strain), before, self.law, self.shear_modulus)
-
-    def square(self, strains: FloatArray) -> float:
-        """Sum of w e : e over the points, of strains (points, 4) with the engineering shear [mm3]."""
-        return float(np.square(self.scale * strains).sum())
-
-    def finished(
-        self, before: PointState, after: PointState, displacement: FloatArray
-    ) -> tuple[PointState, FloatArray]:
-        """The state with its work, and three numbers of the body: energy, work of the step, largest plastic strain.
-
-        The work takes the mean of the stress before and after, as elastic energy and force are in an energy balance.
-        """
-        plastic = after.strain
-        moved = np.flatnonzero(after.accumulated > before.accumulated)
-        end = self.stress(displacement, plastic)
-        gained = plastic[moved] - before.strain[moved]
-        work = 0.5 * ((before.stress[moved] + end[moved]) * gained).sum(axis=1)
-        total = after.work.copy()
-        total[moved] += work
-        numbers = [self.own_energy(displacement, plastic), float(self.weight[moved] @ work)]
-        out = replace(after, work=total, stress=end)
-        return out, np.array([*numbers, after.accumulated.max(initial=0.0)])
-
     def own_energy(self, displacement: FloatArray, plastic: FloatArray) -> float:
         """What eps_p adds to 1/2 f_c . u to give the elastic energy: 1/2 sum w eps_p D eps_p - 1/2 f_p . u [N mm]."""
         stored = float(self.weight @ ((plastic @ self.moduli) * plastic).sum(axis=1))
         return 0.5 * (stored - float(self.load(plastic) @ displacement))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyFlow:
+    """What a body's points remember, and what flowed in the last step."""
+
+    state: PointState
+    points: IntArray
+    """Points that flowed in the last step (m,)."""
+    gained: FloatArray
+    """Their plastic strain in it (m, 4) [-]."""
+    moved: float
+    """Travel of the wheel in it [mm]."""
+
+
+class BodyStep:
+    """One step of one body: the points that may flow in it, and their plastic strains x (points, 4).
+
+    Points that stay within their yield surface by more than `MARGIN` are left out, unless it turns out that they flow.
+
+    Args:
+        body: its points and law.
+        before: what they remember.
+        moved: travel of the wheel in this step [mm].
+    """
+
+    def __init__(self, body: PlasticBody, before: BodyFlow, moved: float) -> None:
+        self.body, self.before, self._moved = body, before.state, moved
+        self._base = body.load(before.state.strain)
+        self._whole = before.state.strain.copy()
+        self._chosen = np.zeros(body.count, dtype=bool)
+        points, gained = body.expected(before, moved)
+        self._chosen[points] = True
+        self._take()
+        self.x = self._part.strain.copy()
+        self.x[np.searchsorted(self.points, points)] += gained
+
+    def _over(self, displacement: FloatArray) -> FloatArray:
+        """How far all points would be beyond their yield surface at a displacement (dofs,) [MPa]."""
+        return overshoot(self.body.stress(displacement, self.before.strain), self.before, self.body.law)
+
+    def _take(self) -> None:
+        self.points = np.flatnonzero(self._chosen)
+        rows = (4 * self.points[:, None] + np.arange(4)).ravel()
+        self._operator = self.body.operator[rows]
+        self._part = self.before.at(self.points)
+        self._weight = self.body.weight[self.points]
+        self.scale = self.body.scale[self.points]
+
+    def displace(self) -> FloatArray:
+        """u_p (dofs,) [mm] of the plastic strains x."""
+        gained = self._weight[:, None] * ((self.x - self._part.strain) @ self.body.moduli)
+        return self.body.body.solve((self._base + self._operator.T @ gained.ravel())[:, None])[:, 0]
+
+    def eigen(self, displacement: FloatArray) -> Eigen:
+        """What the plastic strains x and their displacement u_p do at the contact line."""
+        self._whole[self.points] = self.x
+        trace = self.body.body.trace_dofs
+        return Eigen(displacement=displacement[trace], traction=self.body.traction(self._whole))
+
+    def flowed(self, displacement: FloatArray) -> FloatArray:
+        """g(x): the plastic strains that the law gives at a displacement (dofs,)."""
+        body = self.body
+        trial = ((self._operator @ displacement).reshape(-1, 4) - self._part.strain) @ body.moduli
+        self._after = flow(trial, self._part, body.law, body.shear_modulus)
+        return self._after.strain
+
+    def widened(self, displacement: FloatArray) -> int:
+        """How many points that were left out flow at this displacement; they and what is near are taken in."""
+        over = self._over(displacement)
+        missed = int(((over > 0.0) & ~self._chosen).sum())
+        if missed:
+            before, old = self.x, self.points
+            self._chosen |= over > -MARGIN * self.body.law.yield_stress
+            self._take()
+            self.x = self._part.strain.copy()
+            self.x[np.searchsorted(self.points, old)] = before
+        return missed
+
+    def gained_square(self) -> float:
+        """Sum of w e : e of what the law gave the points in this step [mm3]."""
+        return float(np.square(self.scale * (self._after.strain - self._part.strain)).sum())
+
+    def finished(self, displacement: FloatArray) -> tuple[BodyFlow, FloatArray]:
+        """The state after the step, and three numbers: energy, work of the step, largest plastic strain.
+
+        The work takes the mean of the stress before and after, as elastic energy and force do in an energy balance.
+        """
+        body, before = self.body, self.before
+        after = before.with_points(self.points, self._after)
+        end = body.stress(displacement, after.strain)
+        gained = after.strain[self.points] - self._part.strain
+        work = 0.5 * ((self._part.stress + end[self.points]) * gained).sum(axis=1)
+        after.work[self.points] += work
+        numbers = [body.own_energy(displacement, after.strain), float(self._weight @ work)]
+        moved = self._after.accumulated > self._part.accumulated
+        left = BodyFlow(
+            state=replace(after, stress=end), points=self.points[moved], gained=gained[moved], moved=self._moved
+        )
+        return left, np.array([*numbers, after.accumulated.max(initial=0.0)])

@@ -23,17 +23,17 @@ from ..contact.law import ContactProblem, EigenMoments
 from ..contact.seat import Seat
 from ..parallel import owner
 from .anderson import Anderson
-from .body import Eigen, PlasticBody
-from .law import PointState
+from .body import BodyFlow, BodyStep, Eigen, PlasticBody
 
-TOLERANCE = 1e-4
+TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
 
 DEBUG = False
+COUNTS = []
 LIMIT = 60
 """Iterations before a step is given up."""
 
-Flow = dict[str, PointState]
+Flow = dict[str, BodyFlow]
 """The state of the points of this rank's bodies."""
 
 Loads = tuple[FloatArray, FloatArray]
@@ -66,31 +66,41 @@ class Yielding:
         """Nothing flowed yet."""
         return {name: body.rest() for name, body in self.bodies.items()}
 
-    def settle(
-        self, before: Flow, contact: Callable[[dict[str, Eigen]], Loads]
-    ) -> Settled:
+    def settle(self, before: Flow, moved: float, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
         """Plastic strains and contact that fit each other, from the state before the step. Collective."""
-        x = {name: before[name].strain for name in self.bodies}
-        accelerated = Anderson(self._dot)
+        steps = {name: BodyStep(body, before[name], moved) for name, body in self.bodies.items()}
+        accelerated = Anderson(lambda left, right: self._dot(steps, left, right))
+        converged = False
         for iteration in range(1, LIMIT + 1):
-            pushes = {name: body.load(x[name]) for name, body in self.bodies.items()}
-            own = {name: body.displace(pushes[name]) for name, body in self.bodies.items()}
-            eigen = self._shared({name: body.eigen(own[name], x[name]) for name, body in self.bodies.items()})
+            own = {name: step.displace() for name, step in steps.items()}
+            eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
             both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
-            u = {name: own[name] + body.displace_trace(both[name]) for name, body in self.bodies.items()}
-            after = {name: body.flowed(u[name], before[name]) for name, body in self.bodies.items()}
-            left, gained = self._norms(x, before, after)
-            if DEBUG: print(iteration, left, gained)
-            if left <= TOLERANCE * gained:
+            u = {name: own[name] + body.body.back_substitute(both[name][:, None])[:, 0] for name, body in self.bodies.items()}
+            if (iteration == 1 or converged) and self._widened(steps, u):
+                accelerated, converged = Anderson(lambda left, right: self._dot(steps, left, right)), False
+            elif converged:
                 break
-            reached = {name: state.strain for name, state in after.items()}
-            x = self._split(accelerated.next(self._joined(x), self._joined(reached)))
-        return self._settled(before, after, u, eigen, iteration, converged=left <= TOLERANCE * gained)
+            reached = {name: step.flowed(u[name]) for name, step in steps.items()}
+            left, gained = self._norms(steps, reached)
+            if DEBUG: print(iteration, left, gained, {n:(len(s.points), float(np.sqrt(np.square(s.scale * (reached[n] - s.x)).sum())), s.gained_square()**.5) for n,s in steps.items()})
+            converged = left <= TOLERANCE * gained
+            if converged:
+                if not self._widened(steps, u): break
+                accelerated = Anderson(lambda left, right: self._dot(steps, left, right)); converged=False
+                continue
+            scaled = accelerated.next(_joined(steps, {name: step.x for name, step in steps.items()}), _joined(steps, reached))
+            _divide(steps, scaled)
+        COUNTS.append(iteration)
+        return self._settled(steps, u, eigen, iteration, converged=converged)
+
+    def _widened(self, steps: dict[str, BodyStep], displacement: dict[str, FloatArray]) -> bool:
+        """Whether any body has to watch more points."""
+        missed = self._shared({name: step.widened(displacement[name]) for name, step in steps.items()})
+        return any(missed[name] for name in self.names)
 
     def _settled(
         self,
-        before: Flow,
-        after: Flow,
+        steps: dict[str, BodyStep],
         displacement: dict[str, FloatArray],
         eigen: dict[str, Eigen],
         iteration: int,
@@ -98,9 +108,9 @@ class Yielding:
         converged: bool,
     ) -> Settled:
         """What is left at the end, and what it took in work and energy."""
-        numbers = {}
-        for name, body in self.bodies.items():
-            after[name], numbers[name] = body.finished(before[name], after[name], displacement[name])
+        after, numbers = {}, {}
+        for name, step in steps.items():
+            after[name], numbers[name] = step.finished(displacement[name])
         shared = self._shared(numbers)
         energy, work, largest = (np.array([shared[name][k] for name in self.names]) for k in range(3))
         return Settled(
@@ -113,34 +123,21 @@ class Yielding:
             converged=converged,
         )
 
-    def _norms(self, x: dict[str, FloatArray], before: Flow, after: Flow) -> tuple[float, float]:
-        """Norms of g(x) - x and of the step's plastic strain."""
+    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float]:
+        """Norms of g(x) - x and of what the law gave in the step."""
         squares = {
-            name: np.array([body.square(after[name].strain - there) for there in (x[name], before[name].strain)])
-            for name, body in self.bodies.items()
+            name: np.array([np.square(step.scale * (reached[name] - step.x)).sum(), step.gained_square()])
+            for name, step in steps.items()
         }
-        left, gained = np.sqrt(sum(self._shared(squares)[name] for name in self.names))
+        shared = self._shared(squares)
+        left, gained = np.sqrt(sum(shared[name] for name in self.names))
         return float(left), float(gained)
 
-    def _joined(self, strains: dict[str, FloatArray]) -> FloatArray:
-        """The plastic strains of this rank's bodies as one vector, such that its square is that of `_norms`."""
-        parts = [(body.scale * strains[name]).ravel() for name, body in self.bodies.items()]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    def _split(self, vector: FloatArray) -> dict[str, FloatArray]:
-        """The inverse of `_joined`."""
-        ends = np.cumsum([4 * body.count for body in self.bodies.values()])
-        parts = np.split(vector, ends[:-1]) if self.bodies else []
-        return {
-            name: part.reshape(-1, 4) / body.scale
-            for (name, body), part in zip(self.bodies.items(), parts, strict=True)
-        }
-
-    def _dot(self, left: FloatArray, right: FloatArray) -> FloatArray:
+    def _dot(self, steps: dict[str, BodyStep], left: FloatArray, right: FloatArray) -> FloatArray:
         """left @ right.T over all bodies, summed in the same order on any number of ranks."""
         own, start = {}, 0
-        for name, body in self.bodies.items():
-            part = slice(start, start + 4 * body.count)
+        for name, step in steps.items():
+            part = slice(start, start + 4 * len(step.points))
             own[name], start = left[:, part] @ right[:, part].T, part.stop
         shared = self._shared(own)
         return np.asarray(sum(shared[name] for name in self.names))
@@ -150,6 +147,19 @@ class Yielding:
         if self.comm.size == 1:
             return own
         return {name: self.comm.bcast(own.get(name), root=owner(self.comm, name)) for name in self.names}
+
+
+def _joined(steps: dict[str, BodyStep], strains: dict[str, FloatArray]) -> FloatArray:
+    """Plastic strains of this rank's bodies as one vector, scaled so that its square is their norm's."""
+    return np.concatenate([np.zeros(0), *((step.scale * strains[name]).ravel() for name, step in steps.items())])
+
+
+def _divide(steps: dict[str, BodyStep], vector: FloatArray) -> None:
+    """Give a joined vector to the steps, as their plastic strains."""
+    start = 0
+    for step in steps.values():
+        end = start + 4 * len(step.points)
+        step.x, start = vector[start:end].reshape(-1, 4) / step.scale, end
 
 
 def shifted(contact: ContactProblem, coordinate: FloatArray, eigen: dict[str, Eigen]) -> ContactProblem:
