@@ -218,7 +218,7 @@ class Press:
             status, kappa, spent = report.status, report.answer.kappa, spent + report.iterations
             return problem.contact.loads(report.answer.total)
 
-        settled = self.yielding.settle(state.flow, moved, contact)
+        settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
         converged = report.converged and settled.converged
         return replace(report, iterations=spent, converged=converged), problem.contact, settled
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,10 +22,16 @@ from ..bodies.body import Body
 from ..bodies.elasticity import stiffness_moduli, strain_operator
 from ..bodies.stress import gauss_points
 from .law import Hardening, PointState, flow, overshoot
+from .path import Path, StrainAlong
 
 
 NEIGHBOURS = 3
 """Points that a carried value is taken from."""
+
+PART = 0.25
+"""Longest sub-step of a step, in facets."""
+
+MOST_PARTS = 8
 
 MARGIN = 0.1
 """Part of the yield stress by which a point may stay below it and be watched in a step."""
@@ -70,6 +76,15 @@ class PlasticBody:
         return BodyFlow(
             state=PointState.virgin(self.count, self.law.backs), points=none, gained=np.zeros((0, 4)), moved=0.0
         )
+
+    @cached_property
+    def along(self) -> StrainAlong:
+        """Strain operators at shifted points."""
+        return StrainAlong(self.body.space, self.places)
+
+    def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
+        """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact and the plastic strains of a state."""
+        return self.body.solve(self.load(state.strain)[:, None])[:, 0] + self.body.back_substitute(loads[:, None])[:, 0]
 
     def expected(self, before: BodyFlow, moved: float) -> tuple[IntArray, FloatArray]:
         """Points that will probably flow in a step, and their plastic strain in it (m, 4).
@@ -147,8 +162,12 @@ class BodyStep:
         moved: travel of the wheel in this step [mm].
     """
 
-    def __init__(self, body: PlasticBody, before: BodyFlow, moved: float) -> None:
+    def __init__(self, body: PlasticBody, before: BodyFlow, moved: float, loads: FloatArray) -> None:
         self.body, self.before, self._moved = body, before.state, moved
+        self._parts = max(1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9)))
+        self._start: FloatArray | None = None
+        self._loads = loads
+        self._path: Path | None = None
         self._base = body.load(before.state.strain)
         self._whole = before.state.strain.copy()
         self._chosen = np.zeros(body.count, dtype=bool)
@@ -163,6 +182,7 @@ class BodyStep:
         return overshoot(self.body.stress(displacement, self.before.strain), self.before, self.body.law)
 
     def _take(self) -> None:
+        self._path = None
         self.points = np.flatnonzero(self._chosen)
         rows = (4 * self.points[:, None] + np.arange(4)).ravel()
         self._operator = self.body.operator[rows]
@@ -184,9 +204,24 @@ class BodyStep:
     def flowed(self, displacement: FloatArray) -> FloatArray:
         """g(x): the plastic strains that the law gives at a displacement (dofs,)."""
         body = self.body
-        trial = ((self._operator @ displacement).reshape(-1, 4) - self._part.strain) @ body.moduli
-        self._after = flow(trial, self._part, body.law, body.shear_modulus)
-        return self._after.strain
+        after = (self._operator @ displacement).reshape(-1, 4)
+        state = self._part
+        for strain in [*self._between(displacement, after), after]:
+            state = flow((strain - state.strain) @ body.moduli, state, body.law, body.shear_modulus)
+        self._after = state
+        return state.strain
+
+    def _between(self, displacement: FloatArray, after: FloatArray) -> list[FloatArray]:
+        """Strains between the start of the step and its end."""
+        if self._parts == 1 or not len(self.points):
+            return []
+        if self._start is None:
+            self._start = self.body.displaced(self.before, self._loads)
+        if self._path is None:
+            way = self._moved if self.body.body.which == "axle" else -self._moved
+            self._path = Path(self.body.along, self.points, self._start, way, self._parts)
+            self._path.choose(after)
+        return self._path.strains(displacement, after)
 
     def widened(self, displacement: FloatArray) -> int:
         """How many points that were left out flow at this displacement; they and what is near are taken in."""

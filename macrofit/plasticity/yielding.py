@@ -66,9 +66,10 @@ class Yielding:
         """Nothing flowed yet."""
         return {name: body.rest() for name, body in self.bodies.items()}
 
-    def settle(self, before: Flow, moved: float, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
+    def settle(self, before: Flow, moved: float, loads: Loads, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
         """Plastic strains and contact that fit each other, from the state before the step. Collective."""
-        steps = {name: BodyStep(body, before[name], moved) for name, body in self.bodies.items()}
+        old = dict(zip(("axle", "wheel"), loads, strict=True))
+        steps = {name: BodyStep(body, before[name], moved, old[name]) for name, body in self.bodies.items()}
         accelerated = Anderson(lambda left, right: self._dot(steps, left, right))
         converged = False
         for iteration in range(1, LIMIT + 1):
