@@ -6,12 +6,13 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from .base.arrays import FloatArray, IntArray
 from .bodies.body import ContactLine
+from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton
@@ -19,10 +20,11 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
-from .plasticity.body import Eigen
-from .plasticity.yielding import Flow, Loads, Settled, Yielding, shifted
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
+
+if TYPE_CHECKING:
+    from .plasticity.yielding import Changes, Flow, Loads, Settled, Yielding
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
@@ -57,17 +59,30 @@ class State:
     kappa: FloatArray  # (facets, moments) see `contact.law`
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
+    changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The state of the contact as named arrays, for a journal."""
-        return {name: np.asarray(getattr(self, name)) for name in self.__dataclass_fields__ if name != "flow"}
+        """The state as named arrays, for a journal; of the bodies what this increment changed."""
+        own = {name: np.asarray(getattr(self, name)) for name in self._named()}
+        for body, changes in (self.changes or {}).items():
+            own |= {f"{body}.{name}": values for name, values in changes.items()}
+        return own
 
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
         scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
-        own = {name: arrays[name] for name in State.__dataclass_fields__ if name != "flow"}
-        return State(**{**own, **scalars})  # type: ignore[arg-type]
+        own = {name: arrays[name] for name in State._named()}
+        changes: dict[str, Changes] = {}
+        for name, values in arrays.items():
+            body, _, field = name.partition(".")
+            if field and body in ("axle", "wheel"):
+                changes.setdefault(body, {})[field] = values
+        return State(**{**own, **scalars}, changes=changes or None)  # type: ignore[arg-type]
+
+    @staticmethod
+    def _named() -> list[str]:
+        return [name for name in State.__dataclass_fields__ if name not in ("flow", "changes")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +138,25 @@ class Press:
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
             steps, cutbacks = self.advance_to(state, displacement)
-            state = steps[-1].state
+            state = self._committed(state, steps[-1].state)
             yield _record(index, steps, cutbacks, time.perf_counter() - started), state
+
+    def _committed(self, before: State, after: State) -> State:
+        """The state after an increment; where steel may yield, with what changed in it."""
+        if self.yielding is None or before.flow is None or after.flow is None:
+            return after
+        flow, changes = self.yielding.increment(before.flow, after.flow, after.displacement - before.displacement)
+        return replace(after, flow=flow, changes=changes)
+
+    def resumed(self, states: list[State]) -> State:
+        """The state to go on from after those of a journal."""
+        if not states:
+            return self.rest()
+        if self.yielding is None:
+            return states[-1]
+        before = states[-2].displacement if len(states) > 1 else self.scene.displacements[0]
+        changes = [state.changes or {} for state in states]
+        return replace(states[-1], flow=self.yielding.restored(changes, states[-1].displacement - before))
 
     def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
@@ -448,6 +480,9 @@ def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Incr
         converged=last.report.converged,
         strain_energy=last.strain_energy,
         dissipation=sum(step.dissipation for step in steps),
+        plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
+        plastic_strain=0.0 if last.settled is None else last.settled.largest,
+        plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
         wall_s=wall_s,
         facets=last.facets,
     )

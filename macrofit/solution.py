@@ -46,6 +46,9 @@ class Increment:
     converged: bool
     strain_energy: float  # N mm, both bodies
     dissipation: float  # N mm, by friction in this increment
+    plastic_work: float  # N mm, of both bodies in this increment
+    plastic_strain: float  # largest accumulated plastic strain so far
+    plastic_iterations: int  # of plastic strains and contact; 0 where no steel may yield
     wall_s: float
     facets: FacetState = field(repr=False)
 
@@ -69,6 +72,7 @@ class BodyField:
     displacement: FloatArray  # (n, 2) [mm]
     stress: FloatArray  # (n, 4) [MPa], recovered at the nodes: rr, zz, tt, rz
     von_mises: FloatArray  # (n,) [MPa], recovered at the nodes
+    plastic_strain: FloatArray  # (n,) accumulated, recovered at the nodes; 0 where nothing may yield
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +149,7 @@ class Journal(Protocol):
 
 
 def energy_balance(increments: Sequence[Increment]) -> float:
-    """|work - growth of the strain energy - dissipation| / work, from the first increment on.
+    """|work - growth of the elastic energy - friction's and plastic work| / work, from the first increment on.
 
     In an implicit increment friction dissipates at its final value, the elastic part of the force grows from its
     first value to its last: so the work is taken too. What is left is of second order in the increment where nothing
@@ -157,7 +161,7 @@ def energy_balance(increments: Sequence[Increment]) -> float:
         elastic = 0.5 * (before.force - before.friction_force + after.force - after.friction_force)
         work += (elastic + after.friction_force) * (after.displacement - before.displacement)
         stored += after.strain_energy - before.strain_energy
-        dissipated += after.dissipation
+        dissipated += after.dissipation + after.plastic_work
     held = max((record.strain_energy for record in increments), default=0.0)
     scale = max(abs(work), abs(stored), dissipated, 1e-2 * held)
     return abs(work - stored - dissipated) / scale if scale > 0.0 else 0.0

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
 
-from .assembly import Assembly, assemble, friction_field
+from .assembly import Assembly, assemble, friction_field, yielding_of
 from .base.foreign import foreign_code
 from .base.ranks import raise_together
 from .bodies.approach import check_approach
@@ -65,7 +66,8 @@ def solve(
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
     check_approach(scene, seat.line.side, wheel.line.side)
     field = friction_field(scene, comm, seat, wheel, script)
-    press, engaged = Press(scene, seat, wheel.line, engine, field), engine.factorisations
+    press = Press(scene, seat, wheel.line, engine, field, yielding_of(scene, assembly))
+    engaged = engine.factorisations
     clock.append(time.process_time())
 
     monitor.started(scene, len(scene.displacements), assembly.dofs)
@@ -162,12 +164,12 @@ def advance(
     increments = [record for record, _ in kept]
     states = [State.restored(arrays) for _, arrays in kept]
     press.friction.recall(arrays for _, arrays in kept)
-    for record, state in press.increments(states[-1] if states else press.rest(), len(states)):
+    for record, state in press.increments(press.resumed(states), len(states)):
         arrays = state.arrays() | press.friction.news()
         with raise_together(comm):
             if journal is not None and comm.rank == 0:
                 journal.append(record, arrays)
             monitor.increment(record)
         increments.append(record)
-        states.append(state)
+        states.append(replace(state, flow=None))
     return increments, states

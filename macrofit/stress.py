@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from .parallel import owner
 from .press import State
 from .scene.keys import Scene
 from .solution import BodyField, Extreme
+
+if TYPE_CHECKING:
+    from .plasticity.history import FlowHistory
 
 _BATCH = 32  # right-hand sides at once
 
@@ -46,8 +50,12 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
                 if name not in assembly.evaluators:
                     assembly.evaluators[name] = StressEvaluator(body)
                 loads = [state.seat_load if name == "axle" else state.bore_load for state in states]
-                evaluator = assembly.evaluators[name]
-                found[name] = _evaluate(evaluator, loads, travels, wanted, everywhere=scene.output.stress)
+                evaluator, flow = assembly.evaluators[name], None
+                if name in assembly.plastic:
+                    from .plasticity.history import FlowHistory
+
+                    flow = FlowHistory(assembly.plastic[name], [(state.changes or {}).get(name) for state in states])
+                found[name] = _evaluate(evaluator, loads, travels, wanted, flow, everywhere=scene.output.stress)
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
         extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
@@ -83,12 +91,14 @@ def _evaluate(
     loads: Sequence[FloatArray],
     travels: Sequence[float],
     wanted: Sequence[int],
+    flow: FlowHistory | None,
     *,
     everywhere: bool,
 ) -> _BodyStresses:
     body = evaluator.body
     factored, solved = body.factorisations, body.back_substitutions
-    loaded = [k for k, load in enumerate(loads) if load.any()]  # where none is, nothing is displaced
+    flowed = [False] * len(loads) if flow is None else flow.any
+    loaded = [k for k, load in enumerate(loads) if load.any() or flowed[k]]  # where none is, nothing is displaced
     reactions = np.zeros(len(loads))
     reactions[loaded] = np.nan
     fields: dict[int, BodyField] = {}
@@ -98,13 +108,21 @@ def _evaluate(
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)
         displacement = body.back_substitute(forces)
-        reactions[batch] = body.reaction(displacement, forces)
+        inner, accumulated = None, None
+        if flow is not None:
+            strains, accumulated = flow.at(batch)
+            inner = flow.loads(strains)
+            displacement += body.solve(inner)
+        reactions[batch] = body.reaction(displacement, forces, inner)
         stress = evaluator.stress(displacement)
+        if flow is not None:
+            stress -= flow.stresses(strains)
         if everywhere:
             best = _larger(best, body, evaluator, stress, [travels[k] for k in batch])
         for k in set(batch) & set(wanted):
             column = batch.index(k)
-            fields[k] = _field(body, evaluator, displacement[:, column], stress[:, :, column], travels[k])
+            plastic = None if accumulated is None else accumulated[:, column]
+            fields[k] = _field(evaluator, displacement[:, column], stress[:, :, column], plastic, travels[k])
     return _BodyStresses(
         extreme=best,
         fields=fields,
@@ -128,8 +146,13 @@ def _larger(
 
 
 def _field(
-    body: Body, evaluator: StressEvaluator, displacement: FloatArray, stress: FloatArray, travel: float
+    evaluator: StressEvaluator,
+    displacement: FloatArray,
+    stress: FloatArray,
+    plastic: FloatArray | None,
+    travel: float,
 ) -> BodyField:
+    body = evaluator.body
     recovered = evaluator.recover(stress)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
@@ -138,4 +161,12 @@ def _field(
         displacement=displacement.reshape(-1, 2),
         stress=recovered,
         von_mises=von_mises(recovered.T),
+        plastic_strain=_recovered_plastic(evaluator, plastic),
     )
+
+
+def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray:
+    """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
+    if plastic is None:
+        return np.zeros(len(evaluator.body.space.nodes))
+    return np.asarray(np.maximum(evaluator.recover(np.stack([plastic] * 4))[:, 0], 0.0))

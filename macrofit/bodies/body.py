@@ -227,15 +227,18 @@ class Body:
         self.back_substitutions += loads.shape[1]
         return out
 
-    def reaction(self, displacement: FloatArray, loads: FloatArray) -> FloatArray:
+    def reaction(self, displacement: FloatArray, loads: FloatArray, inner: FloatArray | None = None) -> FloatArray:
         """Axial force [N] of the support ("held" or "pushed") on the body, (k,).
 
-        displacement (dofs, k) under the loads (2 loaded nodes, k) on the trace; what is loaded on the support's own
-        nodes (a corner shared with the contact line) goes straight into it.
+        displacement (dofs, k) under the loads (2 loaded nodes, k) on the trace and those of plastic strains, ``inner``
+        (dofs, k); what is loaded on the support's own nodes (a corner shared with the contact line) goes straight
+        into it.
         """
         nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
         axial = loads[len(loads) // 2 :]
         direct = axial[np.isin(self.trace[: len(axial)], nodes)].sum(axis=0)
+        if inner is not None:
+            direct = direct + inner[2 * nodes + 1].sum(axis=0)
         return np.asarray((self.stiffness[2 * nodes + 1] @ displacement).sum(axis=0) - direct)
 
 

@@ -10,6 +10,7 @@ Only this rank's body is here; see `yielding` for both and their contact.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -21,6 +22,7 @@ from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import Body
 from ..bodies.elasticity import stiffness_moduli, strain_operator
 from ..bodies.stress import gauss_points
+from ..contact.eigen import Eigen
 from .law import Hardening, PointState, flow, overshoot
 from .path import Path, StrainAlong
 
@@ -38,13 +40,34 @@ MARGIN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Eigen:
-    """What the plastic strain of a body does at its contact line."""
+class BodyFlow:
+    """What a body's points remember, and what flowed in the last step."""
 
-    displacement: FloatArray
-    """u_p = K^-1 f_p of the trace nodes (2 trace nodes,) [mm]."""
-    traction: FloatArray
-    """n . D eps_p (facets, 2 ends, 2): its normal and tangential parts at the ends of each facet [MPa]."""
+    state: PointState
+    points: IntArray
+    """Points that flowed in the last step (m,)."""
+    gained: FloatArray
+    """Their plastic strain in it (m, 4) [-]."""
+    moved: float
+    """Travel of the wheel in it [mm]."""
+
+    @staticmethod
+    def between(before: PointState, after: PointState, moved: float) -> BodyFlow:
+        """The flow from one state to another."""
+        points = np.flatnonzero(after.accumulated > before.accumulated)
+        gained = after.strain[points] - before.strain[points]
+        return BodyFlow(state=after, points=points, gained=gained, moved=moved)
+
+    def changes(self) -> dict[str, FloatArray | IntArray]:
+        """The points that flowed, and all that they remember, as named arrays."""
+        part = self.state.at(self.points)
+        return {"points": self.points} | {name: getattr(part, name) for name in PointState.__dataclass_fields__}
+
+
+def changed(before: PointState, changes: Mapping[str, FloatArray | IntArray]) -> PointState:
+    """The state after `BodyFlow.changes`."""
+    own = {name: changes[name] for name in PointState.__dataclass_fields__}
+    return before.with_points(changes["points"], PointState(**own))
 
 
 class PlasticBody:
@@ -72,10 +95,8 @@ class PlasticBody:
 
     def rest(self) -> BodyFlow:
         """Nothing flowed yet."""
-        none = np.zeros(0, dtype=np.int64)
-        return BodyFlow(
-            state=PointState.virgin(self.count, self.law.backs), points=none, gained=np.zeros((0, 4)), moved=0.0
-        )
+        state = PointState.virgin(self.count, self.law.backs)
+        return BodyFlow.between(state, state, 0.0)
 
     @cached_property
     def along(self) -> StrainAlong:
@@ -84,7 +105,11 @@ class PlasticBody:
 
     def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
         """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact and the plastic strains of a state."""
-        return self.body.solve(self.load(state.strain)[:, None])[:, 0] + self.body.back_substitute(loads[:, None])[:, 0]
+        return self.body.solve(self.load(state.strain)[:, None])[:, 0] + self.displace(loads)
+
+    def displace(self, loads: FloatArray) -> FloatArray:
+        """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact alone [N]."""
+        return self.body.back_substitute(loads[:, None])[:, 0]
 
     def expected(self, before: BodyFlow, moved: float) -> tuple[IntArray, FloatArray]:
         """Points that will probably flow in a step, and their plastic strain in it (m, 4).
@@ -138,19 +163,6 @@ class PlasticBody:
         return 0.5 * (stored - float(self.load(plastic) @ displacement))
 
 
-@dataclass(frozen=True, kw_only=True)
-class BodyFlow:
-    """What a body's points remember, and what flowed in the last step."""
-
-    state: PointState
-    points: IntArray
-    """Points that flowed in the last step (m,)."""
-    gained: FloatArray
-    """Their plastic strain in it (m, 4) [-]."""
-    moved: float
-    """Travel of the wheel in it [mm]."""
-
-
 class BodyStep:
     """One step of one body: the points that may flow in it, and their plastic strains x (points, 4).
 
@@ -160,12 +172,12 @@ class BodyStep:
         body: its points and law.
         before: what they remember.
         moved: travel of the wheel in this step [mm].
+        loads: nodal loads of the contact before the step (2 loaded nodes,) [N].
     """
 
     def __init__(self, body: PlasticBody, before: BodyFlow, moved: float, loads: FloatArray) -> None:
         self.body, self.before, self._moved = body, before.state, moved
         self._parts = max(1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9)))
-        self._start: FloatArray | None = None
         self._loads = loads
         self._path: Path | None = None
         self._base = body.load(before.state.strain)
@@ -180,6 +192,11 @@ class BodyStep:
     def _over(self, displacement: FloatArray) -> FloatArray:
         """How far all points would be beyond their yield surface at a displacement (dofs,) [MPa]."""
         return overshoot(self.body.stress(displacement, self.before.strain), self.before, self.body.law)
+
+    @cached_property
+    def _start(self) -> FloatArray:
+        """Displacement before the step (dofs,) [mm]."""
+        return self.body.displaced(self.before, self._loads)
 
     def _take(self) -> None:
         self._path = None
@@ -215,8 +232,6 @@ class BodyStep:
         """Strains between the start of the step and its end."""
         if self._parts == 1 or not len(self.points):
             return []
-        if self._start is None:
-            self._start = self.body.displaced(self.before, self._loads)
         if self._path is None:
             way = self._moved if self.body.body.which == "axle" else -self._moved
             self._path = Path(self.body.along, self.points, self._start, way, self._parts)
@@ -240,19 +255,21 @@ class BodyStep:
         return float(np.square(self.scale * (self._after.strain - self._part.strain)).sum())
 
     def finished(self, displacement: FloatArray) -> tuple[BodyFlow, FloatArray]:
-        """The state after the step, and three numbers: energy, work of the step, largest plastic strain.
+        """The flow of the step, and three numbers: energy, work of the step, largest plastic strain.
 
         The work takes the mean of the stress before and after, as elastic energy and force do in an energy balance.
         """
-        body, before = self.body, self.before
-        after = before.with_points(self.points, self._after)
-        end = body.stress(displacement, after.strain)
-        gained = after.strain[self.points] - self._part.strain
-        work = 0.5 * ((self._part.stress + end[self.points]) * gained).sum(axis=1)
-        after.work[self.points] += work
-        numbers = [body.own_energy(displacement, after.strain), float(self._weight @ work)]
-        moved = self._after.accumulated > self._part.accumulated
-        left = BodyFlow(
-            state=replace(after, stress=end), points=self.points[moved], gained=gained[moved], moved=self._moved
-        )
-        return left, np.array([*numbers, after.accumulated.max(initial=0.0)])
+        body = self.body
+        after = self.before.with_points(self.points, self._after)
+        flowed = BodyFlow.between(self.before, after, self._moved)
+        here = flowed.points
+        if not len(here):
+            energy = body.own_energy(displacement, after.strain) if after.accumulated.any() else 0.0
+            return flowed, np.array([energy, 0.0, after.accumulated.max(initial=0.0)])
+        rows = (4 * here[:, None] + np.arange(4)).ravel()
+        strains = (body.operator[rows] @ np.stack([self._start, displacement], axis=1)).reshape(-1, 4, 2)
+        stress = (strains.sum(axis=2) - self.before.strain[here] - after.strain[here]) @ body.moduli
+        work = 0.5 * (stress * flowed.gained).sum(axis=1)
+        after.work[here] += work
+        numbers = [body.own_energy(displacement, after.strain), float(body.weight[here] @ work)]
+        return flowed, np.array([*numbers, after.accumulated.max(initial=0.0)])

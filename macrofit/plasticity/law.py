@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import FloatArray
+from ..base.arrays import FloatArray, IntArray
 
 _ITERATIONS = 60
 _ROUNDING = 1e-13
@@ -82,21 +82,18 @@ class PointState:
     """Back-stresses (n, backs, 4) [MPa]."""
     work: FloatArray
     """Plastic work (n,), the integral of sigma : d eps_p [N mm/mm3]."""
-    stress: FloatArray
-    """Stress (n, 4) at the end of the last step [MPa]."""
 
     @staticmethod
     def virgin(count: int, backs: int) -> PointState:
         """Points that never flowed."""
-        zero, tensor = np.zeros(count), np.zeros((count, 4))
-        back = np.zeros((count, backs, 4))
-        return PointState(strain=tensor, accumulated=zero, back=back, work=zero, stress=tensor)
+        zero = np.zeros(count)
+        return PointState(strain=np.zeros((count, 4)), accumulated=zero, back=np.zeros((count, backs, 4)), work=zero)
 
-    def at(self, points: FloatArray) -> PointState:
+    def at(self, points: IntArray) -> PointState:
         """What some of the points remember."""
         return PointState(**{name: getattr(self, name)[points] for name in self.__dataclass_fields__})
 
-    def with_points(self, points: FloatArray, changed: PointState) -> PointState:
+    def with_points(self, points: IntArray, changed: PointState) -> PointState:
         """A copy with other values at some points."""
         out = {name: getattr(self, name).copy() for name in self.__dataclass_fields__}
         for name, values in out.items():
@@ -144,7 +141,6 @@ def flow(trial: FloatArray, state: PointState, law: Hardening, shear_modulus: fl
         accumulated=before.accumulated + gained,
         back=before.back * fade + _grown(law, gained)[:, :, None] * normal[:, None, :],
         work=before.work,
-        stress=before.stress,
     )
     return state.with_points(moves, after)
 

@@ -12,29 +12,30 @@ A rank has the points of its own bodies. What the others need goes round once pe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from ..base.arrays import FloatArray
-from ..contact.law import ContactProblem, EigenMoments
-from ..contact.seat import Seat
+from ..base.arrays import FloatArray, IntArray
+from ..contact.eigen import Eigen
 from ..parallel import owner
 from .anderson import Anderson
-from .body import BodyFlow, BodyStep, Eigen, PlasticBody
+from .body import BodyFlow, BodyStep, PlasticBody, changed
 
 TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
 
-DEBUG = False
-COUNTS = []
 LIMIT = 60
 """Iterations before a step is given up."""
 
 Flow = dict[str, BodyFlow]
 """The state of the points of this rank's bodies."""
+
+Changes = dict[str, FloatArray | IntArray]
+"""What changed in a body within an increment, see `BodyFlow.changes`."""
 
 Loads = tuple[FloatArray, FloatArray]
 """Nodal loads of the contact on the seat and on the bore [N]."""
@@ -59,39 +60,58 @@ class Settled:
 class Yielding:
     """The bodies that may yield, wherever they are."""
 
-    def __init__(self, comm: MPI.Comm, seat: Seat, bodies: dict[str, PlasticBody], names: tuple[str, ...]) -> None:
-        self.comm, self.seat, self.bodies, self.names = comm, seat, bodies, names
+    def __init__(self, comm: MPI.Comm, bodies: dict[str, PlasticBody], names: tuple[str, ...]) -> None:
+        self.comm, self.bodies, self.names = comm, bodies, names
 
     def rest(self) -> Flow:
         """Nothing flowed yet."""
         return {name: body.rest() for name, body in self.bodies.items()}
 
+    def increment(self, before: Flow, after: Flow, moved: float) -> tuple[Flow, dict[str, Changes]]:
+        """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks."""
+        flow = {name: BodyFlow.between(before[name].state, after[name].state, moved) for name in self.bodies}
+        return flow, self._shared({name: body.changes() for name, body in flow.items()})
+
+    def restored(self, changes: list[dict[str, Changes]], moved: float) -> Flow:
+        """The flow after all these increments, the last of which moved the wheel by so much [mm]."""
+        out = {}
+        for name, body in self.bodies.items():
+            before = state = body.rest().state
+            for each in changes:
+                before, state = state, changed(state, each[name])
+            out[name] = BodyFlow.between(before, state, moved)
+        return out
+
     def settle(self, before: Flow, moved: float, loads: Loads, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
-        """Plastic strains and contact that fit each other, from the state before the step. Collective."""
+        """Plastic strains and contact that fit each other. Collective.
+
+        Args:
+            before: the flow before the step.
+            moved: travel of the wheel in the step [mm].
+            loads: of the contact before the step.
+            contact: solves the contact for what the plastic strains do to it, and gives its loads.
+        """
         old = dict(zip(("axle", "wheel"), loads, strict=True))
         steps = {name: BodyStep(body, before[name], moved, old[name]) for name, body in self.bodies.items()}
-        accelerated = Anderson(lambda left, right: self._dot(steps, left, right))
+        accelerated = Anderson(partial(self._dot, steps))
         converged = False
         for iteration in range(1, LIMIT + 1):
             own = {name: step.displace() for name, step in steps.items()}
             eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
             both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
-            u = {name: own[name] + body.body.back_substitute(both[name][:, None])[:, 0] for name, body in self.bodies.items()}
-            if (iteration == 1 or converged) and self._widened(steps, u):
-                accelerated, converged = Anderson(lambda left, right: self._dot(steps, left, right)), False
-            elif converged:
-                break
+            u = {name: own[name] + body.displace(both[name]) for name, body in self.bodies.items()}
+            if iteration == 1:
+                self._widened(steps, u)
             reached = {name: step.flowed(u[name]) for name, step in steps.items()}
             left, gained = self._norms(steps, reached)
-            if DEBUG: print(iteration, left, gained, {n:(len(s.points), float(np.sqrt(np.square(s.scale * (reached[n] - s.x)).sum())), s.gained_square()**.5) for n,s in steps.items()})
-            converged = left <= TOLERANCE * gained
-            if converged:
-                if not self._widened(steps, u): break
-                accelerated = Anderson(lambda left, right: self._dot(steps, left, right)); converged=False
+            if left <= TOLERANCE * gained:
+                if not self._widened(steps, u):
+                    converged = True
+                    break
+                accelerated = Anderson(partial(self._dot, steps))
                 continue
-            scaled = accelerated.next(_joined(steps, {name: step.x for name, step in steps.items()}), _joined(steps, reached))
-            _divide(steps, scaled)
-        COUNTS.append(iteration)
+            x = {name: step.x for name, step in steps.items()}
+            _divide(steps, accelerated.next(_joined(steps, x), _joined(steps, reached)))
         return self._settled(steps, u, eigen, iteration, converged=converged)
 
     def _widened(self, steps: dict[str, BodyStep], displacement: dict[str, FloatArray]) -> bool:
@@ -161,28 +181,3 @@ def _divide(steps: dict[str, BodyStep], vector: FloatArray) -> None:
     for step in steps.values():
         end = start + 4 * len(step.points)
         step.x, start = vector[start:end].reshape(-1, 4) / step.scale, end
-
-
-def shifted(contact: ContactProblem, coordinate: FloatArray, eigen: dict[str, Eigen]) -> ContactProblem:
-    """The contact problem of bodies that yielded."""
-    approach, slope = np.zeros_like(contact.undeformed), np.zeros(contact.moments)
-    coupling, covered = contact.coupling, contact.covered
-    if "axle" in eigen:
-        approach -= covered.trial_moments(eigen["axle"].displacement)
-        if contact.nitsche:
-            approach -= _traction_moments(contact, coordinate, eigen["axle"].traction) / covered.gamma
-    if "wheel" in eigen:
-        bore = eigen["wheel"].displacement
-        approach += coupling.bore_moments(bore)
-        slope += coupling.bore_slope(bore) if contact.radial else 0.0
-    return replace(contact, eigen=EigenMoments(approach=approach, slope=slope))
-
-
-def _traction_moments(contact: ContactProblem, s: FloatArray, ends: FloatArray) -> FloatArray:
-    """Moments (2, n) of a traction (facets, 2 ends, 2) that is linear along each facet: its values at their points."""
-    portions = contact.coupling.portions
-    facet = portions.facet
-    start, end = s[facet], s[facet + 1]
-    along = ((portions.points - start[:, None]) / (end - start)[:, None])[:, :, None]
-    values = (1.0 - along) * ends[facet, None, 0] + along * ends[facet, None, 1]
-    return np.asarray(values.reshape(-1, 2).T)
