@@ -20,6 +20,7 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
+from .release import free_displacement
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
 
@@ -60,6 +61,11 @@ class State:
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
     changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
+
+    @property
+    def axial_force(self) -> float:
+        """Axial resultant of the load on the seat [N]: the pushing force."""
+        return float(self.seat_load.reshape(2, -1)[1].sum())
 
     def arrays(self) -> dict[str, FloatArray | IntArray]:
         """The state as named arrays, for a journal; of the bodies what this increment changed."""
@@ -140,6 +146,31 @@ class Press:
             steps, cutbacks = self.advance_to(state, displacement)
             state = self._committed(state, steps[-1].state)
             yield _record(index, steps, cutbacks, time.perf_counter() - started), state
+        planned = len(self.scene.displacements)
+        if self.scene.motion.release and first <= planned and state.axial_force != 0.0:
+            started = time.perf_counter()
+            step = self.release(state)
+            yield _record(planned, [step], 0, time.perf_counter() - started), self._committed(state, step.state)
+
+    def release(self, state: State) -> Step:
+        """The step in which the press lets go: the wheel moves back until no force is left.
+
+        Raises:
+            ConvergenceError: there is no such displacement, or no equilibrium at it.
+        """
+        tried: dict[float, Step] = {}
+
+        def forced(displacement: float) -> float:
+            tried[displacement] = self.trial(state, displacement)
+            return tried[displacement].force
+
+        free = tried[free_displacement(state.displacement, state.axial_force, forced)]
+        if not free.report.converged:
+            raise ConvergenceError(
+                f"motion.release: no convergence at {free.state.displacement:.6g} mm, where no force would be left "
+                f"(residual {free.report.residual:.1e}); try without release, and a last displacement near this one"
+            )
+        return free
 
     def _committed(self, before: State, after: State) -> State:
         """The state after an increment; where steel may yield, with what changed in it."""

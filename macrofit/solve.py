@@ -70,7 +70,7 @@ def solve(
     engaged = engine.factorisations
     clock.append(time.process_time())
 
-    monitor.started(scene, len(scene.displacements), assembly.dofs)
+    monitor.started(scene, len(scene.displacements) + scene.motion.release, assembly.dofs)
     increments, states = advance(press, comm, monitor, journal)
     clock.append(time.process_time())
 
