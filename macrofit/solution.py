@@ -46,9 +46,9 @@ class Increment:
     converged: bool
     strain_energy: float  # N mm, both bodies
     dissipation: float  # N mm, by friction in this increment
-    plastic_work: float  # N mm, of both bodies in this increment
-    plastic_strain: float  # largest accumulated plastic strain so far
-    plastic_iterations: int  # of plastic strains and contact; 0 where no steel may yield
+    plastic_work: float = 0.0  # N mm, of both bodies in this increment
+    plastic_strain: float = 0.0  # largest accumulated plastic strain so far
+    plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     wall_s: float
     facets: FacetState = field(repr=False)
 
@@ -64,6 +64,17 @@ class Extreme:
 
 
 @dataclass(frozen=True, kw_only=True)
+class YieldZone:
+    """Where a body flowed, or would have if it were not taken as elastic."""
+
+    value: float  # largest accumulated plastic strain at the end, or largest von Mises stress over the yield stress
+    r_mm: float
+    z_mm: float  # in the axle's frame, for the wheel too
+    depth_mm: float  # largest distance from the contact line
+    area_mm2: float  # of the section
+
+
+@dataclass(frozen=True, kw_only=True)
 class BodyField:
     """Displacement and stress of one body at one displacement, for files and figures."""
 
@@ -72,7 +83,7 @@ class BodyField:
     displacement: FloatArray  # (n, 2) [mm]
     stress: FloatArray  # (n, 4) [MPa], recovered at the nodes: rr, zz, tt, rz
     von_mises: FloatArray  # (n,) [MPa], recovered at the nodes
-    plastic_strain: FloatArray  # (n,) accumulated, recovered at the nodes; 0 where nothing may yield
+    plastic_strain: FloatArray | None = None  # (n,) accumulated, recovered at the nodes; None of elastic bodies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +135,8 @@ class Solution:
     friction: PairFrictionMap | None = None  # None where the coefficient is the same everywhere
     interference: float | None = None  # mm, deepest overlap of the undeformed bodies; None where the scene says it
     bore_ends: tuple[float, float] | None = None  # mm, coordinates of the bore's ends at displacement 0
+    flowed: dict[str, YieldZone] = field(default_factory=dict)  # of bodies that may yield, where stress is evaluated
+    beyond_yield: dict[str, YieldZone] = field(default_factory=dict)  # of elastic bodies that state a yield stress
 
     @property
     def displacement(self) -> FloatArray:

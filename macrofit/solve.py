@@ -142,6 +142,8 @@ def _solution(
         friction=press.pair_friction(),
         interference=deepest_overlap(press, increments) if press.scene.interference is None else None,
         bore_ends=press.tiling.bore_ends,
+        flowed=stresses.flowed,
+        beyond_yield=stresses.beyond_yield,
     )
 
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .assembly import Assembly
-from .base.arrays import FloatArray
+from .base.arrays import BoolArray, FloatArray
 from .base.ranks import raise_together
-from .bodies.body import Body
 from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
 from .parallel import owner
+from .plasticity.material import yield_stress
 from .press import State
 from .scene.keys import Scene
-from .solution import BodyField, Extreme
+from .solution import BodyField, Extreme, YieldZone
 
 if TYPE_CHECKING:
     from .plasticity.history import FlowHistory
@@ -32,6 +32,8 @@ class Stresses:
     extremes: dict[str, Extreme]
     fields: dict[float, dict[str, BodyField]]
     reactions: dict[str, FloatArray]  # body -> axial force of its support at each increment [N], NaN if not computed
+    flowed: dict[str, YieldZone]
+    beyond_yield: dict[str, YieldZone]
     factorisations: int
     back_substitutions: int
 
@@ -42,7 +44,15 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
     travels = [state.displacement for state in states]
     wanted = _fields_at(scene, travels)
     if not states or not (scene.output.stress or wanted):
-        return Stresses(extremes={}, fields={}, reactions={}, factorisations=0, back_substitutions=0)
+        return Stresses(
+            extremes={},
+            fields={},
+            reactions={},
+            flowed={},
+            beyond_yield={},
+            factorisations=0,
+            back_substitutions=0,
+        )
     found: dict[str, _BodyStresses] = {}
     with raise_together(comm):
         for name, body in assembly.bodies.items():
@@ -61,6 +71,8 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
         extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
         fields={travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
         reactions={name: part.reactions for name, part in both.items()},
+        flowed={name: part.zone for name, part in both.items() if part.zone and part.yields},
+        beyond_yield={name: part.zone for name, part in both.items() if part.zone and not part.yields},
         factorisations=sum(part.factorisations for part in both.values()),
         back_substitutions=sum(part.back_substitutions for part in both.values()),
     )
@@ -82,6 +94,8 @@ class _BodyStresses:
     extreme: Extreme | None
     fields: dict[int, BodyField]
     reactions: FloatArray
+    zone: YieldZone | None
+    yields: bool
     factorisations: int
     back_substitutions: int
 
@@ -103,6 +117,8 @@ def _evaluate(
     reactions[loaded] = np.nan
     fields: dict[int, BodyField] = {}
     best: Extreme | None = None
+    stated = yield_stress(body.material)
+    beyond = np.zeros(len(evaluator.places), dtype=bool)
     numbers = sorted({*wanted, *(loaded if everywhere else ())}) or [0]
     for start in range(0, len(numbers), _BATCH):
         batch = numbers[start : start + _BATCH]
@@ -118,7 +134,10 @@ def _evaluate(
         if flow is not None:
             stress -= flow.stresses(strains)
         if everywhere:
-            best = _larger(best, body, evaluator, stress, [travels[k] for k in batch])
+            equivalent = von_mises(stress)
+            best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
+            if flow is None and stated is not None:
+                beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(wanted):
             column = batch.index(k)
             plastic = None if accumulated is None else accumulated[:, column]
@@ -127,22 +146,48 @@ def _evaluate(
         extreme=best,
         fields=fields,
         reactions=reactions,
+        zone=_zone(evaluator, best, beyond, stated)
+        if flow is None
+        else _flow_zone(evaluator, flow.at([len(loads) - 1])[1][:, 0], travels[-1]),
+        yields=flow is not None,
         factorisations=body.factorisations - factored,
         back_substitutions=body.back_substitutions - solved,
     )
 
 
 def _larger(
-    best: Extreme | None, body: Body, evaluator: StressEvaluator, stress: FloatArray, travels: Sequence[float]
+    best: Extreme | None, evaluator: StressEvaluator, equivalent: FloatArray, travels: Sequence[float]
 ) -> Extreme:
-    equivalent = von_mises(stress)
     point, column = np.unravel_index(int(equivalent.argmax()), equivalent.shape)
     value = float(equivalent[point, column])
     if best is not None and best.value >= value:
         return best
     r, z = evaluator.places[point]
     travel = travels[int(column)]
-    return Extreme(value, float(r), float(z) + (travel if body.which == "wheel" else 0.0), travel)
+    return Extreme(value, float(r), float(z) + (travel if evaluator.body.which == "wheel" else 0.0), travel)
+
+
+def _zone(
+    evaluator: StressEvaluator, best: Extreme | None, beyond: BoolArray, stated: float | None
+) -> YieldZone | None:
+    """Where an elastic body was beyond the yield stress it states [MPa], at any time; None where nowhere."""
+    if best is None or stated is None or not beyond.any():
+        return None
+    depth, area = evaluator.extent(beyond)
+    return YieldZone(value=best.value / stated, r_mm=best.r_mm, z_mm=best.z_mm, depth_mm=depth, area_mm2=area)
+
+
+def _flow_zone(
+    evaluator: StressEvaluator, accumulated: FloatArray, travel: float
+) -> YieldZone:
+    """Where a body flowed, from the accumulated plastic strain at its points at the end."""
+    depth, area = evaluator.extent(accumulated > 0.0)
+    top = int(accumulated.argmax())
+    r, z = evaluator.places[top]
+    moved = travel if evaluator.body.which == "wheel" else 0.0
+    return YieldZone(
+        value=float(accumulated[top]), r_mm=float(r), z_mm=float(z) + moved, depth_mm=depth, area_mm2=area
+    )
 
 
 def _field(
@@ -165,8 +210,8 @@ def _field(
     )
 
 
-def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray:
+def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray | None:
     """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
     if plastic is None:
-        return np.zeros(len(evaluator.body.space.nodes))
+        return None
     return np.asarray(np.maximum(evaluator.recover(np.stack([plastic] * 4))[:, 0], 0.0))

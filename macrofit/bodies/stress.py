@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
-from ..base.arrays import FloatArray
+from ..base.arrays import BoolArray, FloatArray
 from .body import Body
 from .elasticity import stiffness_moduli, strain_operator
 
@@ -54,3 +55,13 @@ class StressEvaluator:
         shares = np.bincount(nodes, minlength=count)
         means = [np.bincount(nodes, component.ravel(), minlength=count) / shares for component in values]
         return np.stack(means, axis=1)
+
+    def extent(self, chosen: BoolArray) -> tuple[float, float]:
+        """Of chosen points (points,): their largest distance from the contact line [mm], their section's area [mm2]."""
+        if not chosen.any():
+            return 0.0, 0.0
+        distance, _ = cKDTree(self.body.line.nodes).query(self.places[chosen])
+        corners = self.body.space.nodes[self.body.space.cells[:, :3]]
+        sides = corners[:, 1:] - corners[:, :1]
+        area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / len(self.points)
+        return float(distance.max()), float(np.repeat(area, len(self.points))[chosen].sum())

@@ -112,7 +112,11 @@ class Yielding:
                 continue
             x = {name: step.x for name, step in steps.items()}
             _divide(steps, accelerated.next(_joined(steps, x), _joined(steps, reached)))
-        return self._settled(steps, u, eigen, iteration, converged=converged)
+        if not converged:
+            return Settled(
+                flow=before, eigen=eigen, energy=0.0, work=0.0, largest=0.0, iterations=iteration, converged=False
+            )
+        return self._settled(steps, u, eigen, iteration)
 
     def _widened(self, steps: dict[str, BodyStep], displacement: dict[str, FloatArray]) -> bool:
         """Whether any body has to watch more points."""
@@ -125,8 +129,6 @@ class Yielding:
         displacement: dict[str, FloatArray],
         eigen: dict[str, Eigen],
         iteration: int,
-        *,
-        converged: bool,
     ) -> Settled:
         """What is left at the end, and what it took in work and energy."""
         after, numbers = {}, {}
@@ -141,7 +143,7 @@ class Yielding:
             work=float(work.sum()),
             largest=float(largest.max()),
             iterations=iteration,
-            converged=converged,
+            converged=True,
         )
 
     def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float]:
