@@ -453,23 +453,25 @@ class Press:
         )
 
     def _apart(self, state: State, displacement: float) -> Step:
-        """The bodies face each other nowhere: everything is zero."""
+        """The bodies face each other nowhere: everything is zero, but what plastic strains leave."""
+        rest = self.rest()
         after = replace(
-            self.rest(),
-            displacement=displacement,
-            direction=state.direction,
-            accumulated_slip=state.accumulated_slip,
-            flow=state.flow,
+            rest, displacement=displacement, direction=state.direction, accumulated_slip=state.accumulated_slip
         )
+        settled = None
+        if self.yielding is not None and state.flow is not None:
+            loads, none = (state.seat_load, state.bore_load), (rest.seat_load, rest.bore_load)
+            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
+            seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
+            after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
-        none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
         report = Report(
             answer=LinearSolution(nothing, nothing, nothing, np.zeros(0)),
-            status=none,
+            status=Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8)),
             iterations=0,
             residual=0.0,
-            converged=True,
+            converged=settled is None or settled.converged,
         )
         facets = FacetState(
             pressure=zero,
@@ -488,8 +490,9 @@ class Press:
             normal_force=0.0,
             friction_force=0.0,
             friction_bound=0.0,
-            strain_energy=0.0,
+            strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
+            settled=settled,
         )
 
 
