@@ -15,12 +15,12 @@ from .bodies.body import ContactLine
 from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
-from .contact.newton import LinearProblem, Report, newton
+from .contact.newton import RESIDUAL, LinearProblem, Report, newton
+from .contact.release import let_go, release
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
-from .release import free_displacement
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
 
@@ -31,6 +31,13 @@ REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
 
 TILE = 1.0  # mm, length of a friction tile
+
+NO_SLIP = 1e-6
+"""Slip below this share of the motion is none: the facet sticks, wherever in the cone its traction is.
+
+A traction that is kept at the cone's edge slips by 1e-8 of the motion (`push-out`, by the sleeve's own flexibility),
+the first facet that slip reaches by 1e-3.
+"""
 
 
 class Engine(Protocol):
@@ -158,17 +165,11 @@ class Press:
         Raises:
             ConvergenceError: there is no such displacement, or no equilibrium at it.
         """
-        tried: dict[float, Step] = {}
-
-        def forced(displacement: float) -> float:
-            tried[displacement] = self.trial(state, displacement)
-            return tried[displacement].force
-
-        free = tried[free_displacement(state.displacement, state.axial_force, forced)]
-        if not free.report.converged:
+        free = let_go(lambda displacement: self.trial(state, displacement), state.displacement, state.axial_force)
+        if free is None or not free.report.converged:
             raise ConvergenceError(
-                f"motion.release: no convergence at {free.state.displacement:.6g} mm, where no force would be left "
-                f"(residual {free.report.residual:.1e}); try without release, and a last displacement near this one"
+                f"motion.release: no displacement without force was found from {state.displacement:.6g} mm on; "
+                f"leave release out, and move the wheel back by motion.displacements"
             )
         return free
 
@@ -227,17 +228,56 @@ class Press:
         coupling = couple_lines(self.seat.line, self.bore, displacement, REACH)
         if coupling is None:
             return self._apart(state, displacement)
-        step = self._solve(state, displacement, coupling)
+        step = self._resolve(state, displacement, coupling)
         height = 0 if self.seat.line.radial else 1
         bodies = (step.state.seat_displacement, step.state.bore_displacement)
         if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance:
             return step
         everything = couple_lines(self.seat.line, self.bore, displacement)
         assert everything is not None
-        return self._solve(state, displacement, everything)
+        return self._resolve(state, displacement, everything)
 
-    def _solve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
+    def _resolve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
+        """The motion to a displacement; where none led there, a fit in place if the bodies overlap."""
         moved = displacement - state.displacement
+        if moved == 0.0 and self.seat.line.radial and float(coupling.gap.min()) < 0.0:
+            return self._fit_in_place(state, coupling)
+        return self._solve(state, displacement, coupling, self._facet_friction(coupling, state, displacement))
+
+    def _fit_in_place(self, state: State, coupling: MortarCoupling) -> Step:
+        """Resolve the interference as a shrink fit does: without friction; then friction, and no force from outside.
+
+        What the sloping interface pushes along the axis is left to friction: the wheel gives way within stick until
+        its support is free of force. Where friction does not hold it (a steep cone), the support does.
+        """
+        here = state.displacement
+        shrunk = self._solve(state, here, coupling, np.zeros(self.seat.line.facets))
+        fitted = replace(shrunk.state, accumulated_slip=state.accumulated_slip)
+        friction = self._facet_friction(coupling, fitted, here)
+        if not (shrunk.report.converged and shrunk.normal_force > 0.0 and friction.any()):
+            return shrunk
+        steps = [shrunk]
+
+        def fit_at(given: float) -> Step:
+            steps.append(self._solve(fitted, here, coupling, friction, given))
+            return steps[-1]
+
+        step = release(fit_at, -float(coupling.gap.min()) / shrunk.normal_force)
+        iterations = sum(each.report.iterations for each in steps)
+        settled = step.settled
+        if settled is not None and shrunk.settled is not None and step is not shrunk:
+            settled = replace(settled, work=settled.work + shrunk.settled.work)
+        return replace(step, report=replace(step.report, iterations=iterations), settled=settled)
+
+    def _solve(
+        self,
+        state: State,
+        displacement: float,
+        coupling: MortarCoupling,
+        facet_friction: FloatArray,
+        given: float = 0.0,  # mm, how far the wheel's support moves beside the displacement
+    ) -> Step:
+        moved = displacement - state.displacement + given
         covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
@@ -248,7 +288,7 @@ class Press:
             radial=self.seat.line.radial,
             nitsche=self.seat.nitsche,
         )
-        friction = self._facet_friction(coupling, state, displacement)[covered.facet]
+        friction = facet_friction[covered.facet]
         guess = self._first_guess(state, contact, friction, moved)
         kappa = self._first_kappa(state, contact)
         problem = self.engine.problem(contact)
@@ -258,7 +298,7 @@ class Press:
         else:
             report, contact, settled = self._settle(state, moved, problem, friction, guess, kappa)
             moved_to = self._with_eigen(problem.displacements(report.answer), settled)
-        return self._step(state, displacement, contact, friction, report, moved_to, settled)
+        return self._step(state, displacement, moved, contact, friction, report, moved_to, settled)
 
     def _settle(
         self,
@@ -364,6 +404,7 @@ class Press:
         self,
         state: State,
         displacement: float,
+        moved: float,
         contact: ContactProblem,
         friction: FloatArray,
         report: Report,
@@ -376,8 +417,8 @@ class Press:
         gap, along = contact.opening(*displacements)
         slip = (answer.trial[1] - answer.traction[1]) / contact.covered.gamma
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
-        facets = self._facet_state(state, contact, answer, report.status, friction, gap, slip)
-        moved = displacement - state.displacement
+        status = settled_status(report, contact, friction, slip, moved)
+        facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
         after = State(
             displacement=displacement,
             direction=float(np.sign(moved)) or state.direction,
@@ -425,7 +466,7 @@ class Press:
         state: State,
         contact: ContactProblem,
         answer: LinearSolution,
-        status: Status,
+        status: StatusArray,
         friction: FloatArray,
         gap: FloatArray,
         slip: FloatArray,
@@ -438,9 +479,9 @@ class Press:
             every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / weight.sum(axis=1)
             return every
 
-        slipped = mean(np.where(status.kind == SLIP, slip, 0.0))
+        slipped = mean(np.where(status == SLIP, slip, 0.0))
         kind = np.zeros(self.seat.line.facets, dtype=np.int64)
-        kinds = status.kind.reshape(-1, m)
+        kinds = status.reshape(-1, m)
         kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
         return FacetState(
             pressure=mean(-answer.traction[0]),
@@ -494,6 +535,16 @@ class Press:
             dissipation=0.0,
             settled=settled,
         )
+
+
+def settled_status(
+    report: Report, contact: ContactProblem, friction: FloatArray, slip: FloatArray, moved: float
+) -> StatusArray:
+    """Status of each moment by its slip [mm]: one that friction holds without slip in this motion [mm] sticks."""
+    asked = report.status.kind
+    unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
+    slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
+    return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)
 
 
 def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:

@@ -23,7 +23,7 @@ class FacetState:
     gap: FloatArray  # mm, > 0 open
     slip: FloatArray  # mm, of this increment
     accumulated_slip: FloatArray  # mm, sum of |slip|
-    status: IntArray  # OPEN, STICK or SLIP
+    status: IntArray  # OPEN, STICK or SLIP, by the slip of this increment: what the cone's edge holds still sticks
     friction: FloatArray  # coefficient of friction
 
 

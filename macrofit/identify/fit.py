@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
+from ..base.ranks import made_by_first
 from ..base.toml import split_override
 from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
 from ..friction import GivenFriction, ScriptFriction, load_options
@@ -224,19 +225,19 @@ def identify(
     comm = MPI.COMM_WORLD if comm is None else comm
     script = None if friction is None else ScriptFriction(friction)
     common = [*([] if script is None else [f"friction.provider={script.name}"]), *overrides]
-    scene = load_scene(source, common)
+    scene = made_by_first(comm, lambda: load_scene(source, common))
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
-    start, bounds = _start(scene, key, bounds, script)
+    start, (low, high) = made_by_first(comm, lambda: _start(scene, key, bounds, script))
     places = _ascending(scene)
     model = ForwardModel(source, common, key, comm, friction)
-    search = _Search(measured, places, model, bounds, say)
+    search = _Search(measured, places, model, (low, high), say)
     found, shift = search.with_offset(start) if free_shift else (search.at(0.0, start), 0.0)
     at, wanted = search.points(shift)
-    final = load_scene(source, [*common, f"{key}={found.value!r}"])
+    final = made_by_first(comm, lambda: load_scene(source, [*common, f"{key}={found.value!r}"]))
     fit, error = search.judged(found, at) if free_shift else (found, None)
     return Identification(
         key=key,
-        bounds=bounds,
+        bounds=(low, high),
         scene=final if script is None else with_script_friction(final, script),
         fit=fit,
         displacement=at,
@@ -350,7 +351,8 @@ class ForwardModel:
         if value in self.known:
             return self.known[value]
         without = ["output.stress=false", "output.fields=[]", "output.frames=0"]
-        scene = load_scene(self.source, [*self.overrides, *without, f"{self.key}={value!r}"])
+        changed = [*self.overrides, *without, f"{self.key}={value!r}"]
+        scene = made_by_first(self.comm, lambda: load_scene(self.source, changed))
         if self._assembly is None or not self._assembly.serves(scene):
             self._assembly = assemble(scene, self.comm)
             self.factorisations += self._assembly.factorisations

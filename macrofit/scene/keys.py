@@ -150,7 +150,11 @@ class Motion(Keys, frozen=True):
     """Displacements of the wheel, 0 where its leading face is at the seat's entrance."""
 
     start: Annotated[
-        float, told("First displacement [mm]; above 0 the interference is resolved in place before anything moves.")
+        float,
+        told(
+            "First displacement [mm]; where the bodies overlap there, it is shrunk on in place, without friction "
+            "and free along the axis: the first force is 0."
+        ),
     ] = 0.0
     travel: Annotated[float, told("Final displacement [mm].")] = 0.0
     increment: Annotated[Positive, told("Displacement from one increment to the next [mm].")] = 1.0

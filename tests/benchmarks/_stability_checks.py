@@ -7,16 +7,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from macrofit.base.arrays import FloatArray
+from macrofit.base.arrays import FloatArray, IntArray
 from macrofit.contact.law import return_mapping
+from macrofit.contact.newton import RESIDUAL
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.friction import FrictionField
-from macrofit.press import Step
+from macrofit.press import NO_SLIP, Step
 from macrofit.solution import Increment, force_balance
 from macrofit.stress import evaluate_stresses
 
 from ._stability_energy import energy, probe
-from ._stability_views import Moments, Run, Taken, View, larger, over, relative, views_of
+from ._stability_views import BoolArray, Moments, Run, Taken, View, larger, over, relative, views_of
 
 BOUNDS = {
     "converged": 0.0,  # increments that say of themselves that they have not
@@ -145,12 +146,13 @@ def _facets(taken: Taken, moments: Moments) -> float:
         return np.bincount(moments.facet, weight * values, size) / np.where(area > 0.0, area, 1.0)
 
     slid = np.where(moments.kind == SLIP, along - after, 0.0)
-    slip, used = mean(slid), np.zeros(size, dtype=bool)
-    used[moments.facet[moments.used]] = True
     stress = float(np.abs(moments.traction).max())
     length = float(np.abs(moments.contact.approach).max())
+    held, unclear = _held(taken, moments, slid, stress)
+    slip, used = mean(np.where(held, 0.0, slid)), np.zeros(size, dtype=bool)
+    used[moments.facet[moments.used]] = True
     status = np.zeros(size, dtype=np.int64)
-    np.maximum.at(status, moments.facet, moments.kind)
+    np.maximum.at(status, moments.facet, np.where((moments.kind == SLIP) & held, STICK, moments.kind))
     return max(
         over(facets.pressure - mean(-moments.traction[0]), stress),
         over(facets.traction - mean(moments.traction[1]), stress),
@@ -159,8 +161,17 @@ def _facets(taken: Taken, moments: Moments) -> float:
         over((facets.gap - mean(gap))[used], length),
         over(facets.slip - slip, length),
         over(facets.accumulated_slip - taken.before.accumulated_slip - np.abs(slip), length),
-        0.0 if (facets.status == status).all() else math.inf,
+        0.0 if ((facets.status == status) | np.isin(np.arange(size), unclear)).all() else math.inf,
     )
+
+
+def _held(taken: Taken, moments: Moments, slid: FloatArray, stress: float) -> tuple[BoolArray, IntArray]:
+    """Moments that slip too little to be slipping, and facets where that is for rounding to say."""
+    moved = taken.step.state.displacement - taken.before.displacement
+    least = np.maximum(NO_SLIP * abs(moved), RESIDUAL * stress / moments.contact.covered.gamma)
+    near = np.abs(np.abs(slid) - least) <= 1e-12 * float(np.abs(moments.contact.approach).max()) + 1e-6 * least
+    held = (np.abs(slid) <= least) & (taken.step.facets.friction[moments.facet] > 0.0)
+    return held, moments.facet[near & (moments.kind == SLIP)]
 
 
 def _of_records(run: Run) -> Iterator[tuple[str, float]]:

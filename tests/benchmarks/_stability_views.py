@@ -8,14 +8,14 @@ stand open).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from macrofit.assembly import Assembly
 from macrofit.base.arrays import FloatArray, IntArray
-from macrofit.contact.interface import couple_lines
+from macrofit.contact.interface import MortarCoupling, couple_lines
 from macrofit.contact.law import ContactProblem
 from macrofit.contact.seat import CoveredSeat
 from macrofit.contact.status import OPEN
@@ -37,15 +37,30 @@ class Taken:
 
 
 class Watched(Press):
-    """A press that keeps every step it accepts."""
+    """A press that keeps every step it accepts, and from where: that of a fit in place is the fit without friction."""
 
     taken: list[Taken]
+    solved_from: list[tuple[State, Step]]  # of the present trial
 
     def trial(self, state: State, displacement: float) -> Step:
         """As the press does, but remembered."""
+        self.solved_from = []
         step = super().trial(state, displacement)
         if step.report.converged:
-            self.taken.append(Taken(state, step))
+            before = next((own for own, each in self.solved_from if each.report.answer is step.report.answer), state)
+            self.taken.append(Taken(before, step))
+        return step
+
+    def _solve(
+        self,
+        state: State,
+        displacement: float,
+        coupling: MortarCoupling,
+        facet_friction: FloatArray,
+        given: float = 0.0,
+    ) -> Step:
+        step = super()._solve(state, displacement, coupling, facet_friction, given)
+        self.solved_from.append((replace(state, displacement=state.displacement - given), step))
         return step
 
 

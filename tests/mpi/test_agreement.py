@@ -19,8 +19,11 @@ from macrofit.base.arrays import FloatArray
 from macrofit.base.ranks import made_by_first, raise_together
 from macrofit.errors import MeshError, ProviderError, SceneError
 from macrofit.friction import TilePairs
+from macrofit.identify.fit import identify
+from macrofit.identify.measured import Measured
 from macrofit.results import agreement
 from macrofit.results.agreement import digests, package_digest
+from macrofit.scene import dump_scene
 from macrofit.solve import solve
 
 WORLD = MPI.COMM_WORLD
@@ -213,3 +216,25 @@ def test_command_with_another_provider_on_a_rank(tmp_path: Path, mpirun) -> None
     assert taken < PATIENCE_S
     (tmp_path / "1" / "law.py").write_text(PLUGIN.format(mu=0.12))
     assert run(mpirun, tmp_path)[0].returncode == 0
+
+
+@pytest.mark.mpi
+def test_identification_takes_the_first_ranks_scene(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each rank in a folder of its own: another scene there, or none, counts for nothing, and no rank waits."""
+    mine = shared_tmp_path / str(WORLD.rank)
+    mine.mkdir()
+    monkeypatch.chdir(mine)
+    if WORLD.rank == 0:
+        Path("small.toml").write_text(dump_scene(small_press()))
+    elif LAST:
+        Path("small.toml").write_text(dump_scene(small_press("wheel.bore_radius=94.8")))
+    solution = solve(small_press("friction.options.coefficient=0.13"), MPI.COMM_SELF)
+    measured = Measured(solution.displacement, solution.force)
+    found = identify("small.toml", measured, comm=WORLD)
+    assert found.fit.value == pytest.approx(0.13, rel=1e-4)  # what the fit stops at
+    assert found.scene.wheel == small_press().wheel
+    assert WORLD.allgather(found.fit.value) == [found.fit.value] * WORLD.size
+    with pytest.raises(SceneError, match=r"gone\.toml"):
+        identify("gone.toml", measured, comm=WORLD)
+    with pytest.raises(SceneError, match="no such key"):
+        identify("small.toml", measured, key="wheel.colour", comm=WORLD)

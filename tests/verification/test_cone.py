@@ -14,8 +14,11 @@ from macrofit.scene.keys import Hub
 from macrofit.solve import solve
 
 
-def cone(taper: float, friction: float, depth: float = 0.025, **wheel: float) -> Scene:
-    """A conical bore of 40 mm that touches its seat all along at 60 mm, pressed until it is ``depth`` mm too narrow."""
+def cone(taper: float, friction: float, depth: float = 0.025, start: float = 0.0, **wheel: float) -> Scene:
+    """A conical bore of 40 mm that touches its seat all along at 60 mm, pressed until it is ``depth`` mm too narrow.
+
+    ``start`` is the share of the way that it is shrunk on at.
+    """
     half = 0.5 * taper
     return build_scene(
         {
@@ -28,7 +31,7 @@ def cone(taper: float, friction: float, depth: float = 0.025, **wheel: float) ->
                 **wheel,
             },
             "mesh": {"seat_facet": 2.0, "coarse": 10.0},
-            "motion": {"displacements": [60.0 + depth / half * k / 5 for k in range(6)]},
+            "motion": {"displacements": [60.0 + depth / half * k / 5 for k in range(6) if k / 5 >= start]},
             "friction": {"options": {"coefficient": friction}},
             "output": {"stress": False, "fields_at": []},
         }

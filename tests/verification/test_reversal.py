@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from found import Found
 from scipy.integrate import simpson
+from scipy.optimize import brentq
 from small import small_press
 from verification.test_push_out import bar_of
 
@@ -50,6 +51,29 @@ def test_loop_branches(loop: Solution) -> None:
         error = exact - np.abs(moved - moved[0])
         print("branch, error over its length:", np.round(error / exact[-1], 5))
         assert np.abs(error).max() < 0.01 * exact[-1]
+
+
+@pytest.mark.parametrize("back", [0.02, 0.06])
+def test_a_traction_kept_at_the_edge_of_the_cone_sticks(back: float, found: Found) -> None:
+    """Turned back after the whole bar slid: slip reverses over l = D / (2 q) from its end, the rest keeps +mu p.
+
+    D from ``back`` = D L / (E A) + D^2 / (4 E A q). Three facets: the front and the sleeve's edge at either end.
+    Status by the distance to the cone counted what slips by 1e-8 of the motion, 36 sticking facets for 160.
+    """
+    solution = solve(
+        load_scene("push-out", [*NO_FIELDS, f"motion.displacements={[380.0, 380.5, 381.0, 381.0 - back]}"])
+    )
+    bar, slid, last = bar_of(solution), solution.increments[-2], solution.increments[-1]
+    assert slid.sticking_facets == 0
+    change = brentq(lambda change: bar.turned(change) - back, 0.0, 2.0 * slid.force)
+    facet = float(np.diff(solution.seat).max())
+    wanted = last.active_facets - 0.5 * change / bar.resistance / facet
+    print(f"turned by {back}: {last.sticking_facets} of {last.active_facets} facets stick, closed form {wanted:.1f}")
+    assert found("reversal: facets that stick, off the closed form", abs(last.sticking_facets - wanted), 3.0)
+    facets = last.facets
+    assert ((facets.slip != 0.0) == (facets.status == SLIP)).all()
+    kept = (facets.status == STICK) & (facets.traction > 0.999 * facets.friction * facets.pressure)
+    assert kept.sum() > 0.5 * last.active_facets
 
 
 @pytest.mark.parametrize(

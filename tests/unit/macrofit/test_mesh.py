@@ -145,7 +145,8 @@ def test_own_meshes_give_the_drawn_forces(tmp_path: Path) -> None:
     drawings = draw_body(scene.axle, "seat", even(5.0)), draw_body(scene.wheel, "bore", even(4.7))
     for body, drawing in zip(("axle", "wheel"), drawings, strict=True):
         write(tmp_path / f"{body}.vtk", mesh_drawing(drawing, scene.mesh.coarse, scene.mesh.growth), ".vtk")
-    assert from_files(tmp_path, ".vtk") == pytest.approx(solve(scene).force, rel=1e-9)
+    drawn = solve(scene).force  # the first one is a shrink fit's, nothing but rounding
+    assert from_files(tmp_path, ".vtk") == pytest.approx(drawn, rel=1e-9, abs=1e-15 * drawn.max())
 
 
 @pytest.mark.parametrize("suffix", [".inp", ".vtk", ".med"])
@@ -264,7 +265,7 @@ def test_a_mesh_of_second_order_keeps_its_curves(tmp_path: Path) -> None:
         for suffix, curved in (("2", True), ("1", False)):
             write_second_order(tmp_path / f"{body}{suffix}.vtk", data, drawing, curved=curved)
     drawn = solve(scene).force
-    assert from_files(tmp_path, "2.vtk") == pytest.approx(drawn, rel=1e-7)
+    assert from_files(tmp_path, "2.vtk") == pytest.approx(drawn, rel=1e-7, abs=1e-15 * drawn.max())
     assert np.abs(from_files(tmp_path, "1.vtk") - drawn).max() > 1e-5 * drawn.max()
 
 
