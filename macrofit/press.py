@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from .base.arrays import FloatArray, IntArray
+from .base.arrays import FloatArray
 from .bodies.body import ContactLine
 from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
@@ -23,9 +23,10 @@ from .errors import ConvergenceError
 from .friction import FrictionField
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
+from .state import State, Step, accepted
 
 if TYPE_CHECKING:
-    from .plasticity.yielding import Changes, Flow, Loads, Settled, Yielding
+    from .plasticity.yielding import Loads, Settled, Yielding
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
@@ -50,74 +51,18 @@ class Engine(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class State:
-    """Everything an increment starts from."""
-
-    displacement: float
-    direction: float  # sign of the last motion
-    seat_displacement: FloatArray  # (2 loaded nodes,) [mm]
-    bore_displacement: FloatArray  # (2 bore nodes,) [mm]
-    seat_load: FloatArray  # (2 loaded nodes,) [N]
-    bore_load: FloatArray  # (2 bore nodes,) [N]
-    pressure: FloatArray  # (facets,) [MPa]
-    accumulated_slip: FloatArray  # (facets,) [mm]
-    kind: IntArray  # (facets, moments) status
-    sign: IntArray  # (facets, moments) of the slip
-    kappa: FloatArray  # (facets, moments) see `contact.law`
-    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
-    flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
-    changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
-
-    @property
-    def axial_force(self) -> float:
-        """Axial resultant of the load on the seat [N]: the pushing force."""
-        return float(self.seat_load.reshape(2, -1)[1].sum())
-
-    def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The state as named arrays, for a journal; of the bodies what this increment changed."""
-        own = {name: np.asarray(getattr(self, name)) for name in self._named()}
-        for body, changes in (self.changes or {}).items():
-            own |= {f"{body}.{name}": values for name, values in changes.items()}
-        return own
-
-    @staticmethod
-    def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
-        """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
-        own = {name: arrays[name] for name in State._named()}
-        changes: dict[str, Changes] = {}
-        for name, values in arrays.items():
-            body, _, field = name.partition(".")
-            if field and body in ("axle", "wheel"):
-                changes.setdefault(body, {})[field] = values
-        return State(**{**own, **scalars}, changes=changes or None)  # type: ignore[arg-type]
-
-    @staticmethod
-    def _named() -> list[str]:
-        return [name for name in State.__dataclass_fields__ if name not in ("flow", "changes")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """The trial of one displacement; its state counts where Newton's method converged."""
-
-    state: State
-    report: Report
-    facets: FacetState
-    force: float
-    normal_force: float
-    friction_force: float  # axial resultant of the tangential traction
-    friction_bound: float  # integral of friction * pressure
-    strain_energy: float
-    dissipation: float
-    settled: Settled | None = None
-
-
 class Press:
     """A press-fit: the two contact lines, an engine, the friction field, and one increment at a time."""
 
-    def __init__(self, scene: Scene, seat: Seat, bore: ContactLine, engine: Engine, friction: FrictionField, yielding: Yielding | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        seat: Seat,
+        bore: ContactLine,
+        engine: Engine,
+        friction: FrictionField,
+        yielding: Yielding | None = None,
+    ) -> None:
         self.scene, self.seat, self.bore, self.engine, self.friction = scene, seat, bore, engine, friction
         self.yielding = yielding
 
@@ -152,12 +97,12 @@ class Press:
             started = time.perf_counter()
             steps, cutbacks = self.advance_to(state, displacement)
             state = self._committed(state, steps[-1].state)
-            yield _record(index, steps, cutbacks, time.perf_counter() - started), state
+            yield accepted(index, steps, cutbacks, time.perf_counter() - started), state
         planned = len(self.scene.displacements)
         if self.scene.motion.release and first <= planned and state.axial_force != 0.0:
             started = time.perf_counter()
             step = self.release(state)
-            yield _record(planned, [step], 0, time.perf_counter() - started), self._committed(state, step.state)
+            yield accepted(planned, [step], 0, time.perf_counter() - started), self._committed(state, step.state)
 
     def release(self, state: State) -> Step:
         """The step in which the press lets go: the wheel moves back until no force is left.
@@ -310,22 +255,26 @@ class Press:
         kappa: FloatArray,
     ) -> tuple[Report, ContactProblem, Settled]:
         """Contact and plastic strains that fit each other."""
-        assert self.yielding is not None and state.flow is not None
-        report, undeformed = None, problem.contact
-        spent = 0
+        assert self.yielding is not None
+        assert state.flow is not None
+        undeformed = problem.contact
+        reports: list[Report] = []
 
         def contact(eigen: dict[str, Eigen]) -> Loads:
-            nonlocal report, status, kappa, spent
+            """Solve for what the plastic strains do, from the status before."""
             problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
-            report = newton(problem, friction, status, kappa)
-            status, kappa, spent = report.status, report.answer.kappa, spent + report.iterations
-            return problem.contact.loads(report.answer.total)
+            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (status, kappa)
+            reports.append(newton(problem, friction, *start))
+            return problem.contact.loads(reports[-1].answer.total)
 
         settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
+        report, spent = reports[-1], sum(each.iterations for each in reports)
         converged = report.converged and settled.converged
         return replace(report, iterations=spent, converged=converged), problem.contact, settled
 
-    def _with_eigen(self, displacements: tuple[FloatArray, FloatArray], settled: Settled) -> tuple[FloatArray, FloatArray]:
+    def _with_eigen(
+        self, displacements: tuple[FloatArray, FloatArray], settled: Settled
+    ) -> tuple[FloatArray, FloatArray]:
         """Whole displacements of the loaded and the bore's nodes."""
         seat, bore = displacements
         if "axle" in settled.eigen:
@@ -545,32 +494,6 @@ def settled_status(
     unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
     slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
     return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)
-
-
-def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
-    last = steps[-1]
-    return Increment(
-        index=index,
-        displacement=last.state.displacement,
-        force=last.force,
-        normal_force=last.normal_force,
-        friction_force=last.friction_force,
-        mean_friction=last.friction_bound / last.normal_force if last.normal_force else 0.0,
-        max_pressure=float(last.facets.pressure.max(initial=0.0)),
-        active_facets=int((last.facets.status != OPEN).sum()),
-        sticking_facets=int((last.facets.status == STICK).sum()),
-        newton_iterations=sum(step.report.iterations for step in steps),
-        cutbacks=cutbacks,
-        residual=last.report.residual,
-        converged=last.report.converged,
-        strain_energy=last.strain_energy,
-        dissipation=sum(step.dissipation for step in steps),
-        plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
-        plastic_strain=0.0 if last.settled is None else last.settled.largest,
-        plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        wall_s=wall_s,
-        facets=last.facets,
-    )
 
 
 def tiles(coordinate: FloatArray) -> int:

@@ -17,10 +17,11 @@ from .bodies.outlook import overlap
 from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
-from .press import Press, State
+from .press import Press
 from .results.agreement import agree
 from .scene import Scene, with_script_friction
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
+from .state import State
 from .stress import Stresses, evaluate_stresses
 
 
@@ -81,9 +82,8 @@ def solve(
     counters = {
         "factorisations": assembly.factorisations - factored + stresses.factorisations,
         "interface_factorisations": engine.factorisations - engaged,
-        **_counters(increments, stresses, field),
-        **summed(comm, _counted(field, comm)),
-    }
+        **_counters(increments, stresses, field), **summed(comm, _counted(field, comm)),
+    }  # fmt: skip
     return _solution(press, assembly, increments, stresses, clock, counters)
 
 

@@ -15,9 +15,9 @@ from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
 from .parallel import owner
 from .plasticity.material import yield_stress
-from .press import State
 from .scene.keys import Scene
 from .solution import BodyField, Extreme, YieldZone
+from .state import State
 
 if TYPE_CHECKING:
     from .plasticity.history import FlowHistory
@@ -177,17 +177,13 @@ def _zone(
     return YieldZone(value=best.value / stated, r_mm=best.r_mm, z_mm=best.z_mm, depth_mm=depth, area_mm2=area)
 
 
-def _flow_zone(
-    evaluator: StressEvaluator, accumulated: FloatArray, travel: float
-) -> YieldZone:
+def _flow_zone(evaluator: StressEvaluator, accumulated: FloatArray, travel: float) -> YieldZone:
     """Where a body flowed, from the accumulated plastic strain at its points at the end."""
     depth, area = evaluator.extent(accumulated > 0.0)
     top = int(accumulated.argmax())
     r, z = evaluator.places[top]
     moved = travel if evaluator.body.which == "wheel" else 0.0
-    return YieldZone(
-        value=float(accumulated[top]), r_mm=float(r), z_mm=float(z) + moved, depth_mm=depth, area_mm2=area
-    )
+    return YieldZone(value=float(accumulated[top]), r_mm=float(r), z_mm=float(z) + moved, depth_mm=depth, area_mm2=area)
 
 
 def _field(

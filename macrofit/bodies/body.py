@@ -266,7 +266,7 @@ def _contact_line(
     radial: bool,
     with_cells: bool,
 ) -> tuple[ContactLine, IntArray, IntArray]:
-    """Order the facets by coordinate, and number the trace nodes; the line, these nodes, the cells behind its facets."""
+    """The line with its facets in order, the numbers of its trace nodes, and the cells behind its facets."""
     axis = 1 if radial else 0
     cell, a, b = space.edges[contact].T
     pairs = np.stack([space.cells[cell, a], space.cells[cell, b]], axis=1)

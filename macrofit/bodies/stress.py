@@ -11,7 +11,6 @@ from .body import Body
 from .elasticity import stiffness_moduli, strain_operator
 
 
-
 def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:
     """Points (k, 2) on the reference triangle where stresses are taken, and their weights (k,): one, or three of P2."""
     if order == 2:
@@ -57,7 +56,7 @@ class StressEvaluator:
         return np.stack(means, axis=1)
 
     def extent(self, chosen: BoolArray) -> tuple[float, float]:
-        """Of chosen points (points,): their largest distance from the contact line [mm], their section's area [mm2]."""
+        """Largest distance of chosen points (points,) from the contact line [mm], and their share of the section [mm2]."""
         if not chosen.any():
             return 0.0, 0.0
         distance, _ = cKDTree(self.body.line.nodes).query(self.places[chosen])

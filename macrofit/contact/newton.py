@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..base.arrays import FloatArray
-from .law import LinearSolution, Status, classify, return_mapping
+from .law import ContactProblem, LinearSolution, Status, classify, return_mapping
 
 TOLERANCE = 1e-10
 """Largest error of the traction that is left, relative to the largest traction."""
@@ -25,6 +25,8 @@ CONTRACTION = 1e-2
 
 class LinearProblem(Protocol):
     """The problem that is linear once status and kappa are given: condensed or monolithic."""
+
+    contact: ContactProblem
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Traction, trial traction and kappa after one linear solve."""

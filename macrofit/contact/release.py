@@ -82,7 +82,8 @@ def let_go(fit_at: Callable[[float], Solved], start: float, force: float) -> Sol
     Returns:
         That fit, or one that did not converge; None where the force never turns within `LAST_WAY`.
     """
-    way, known = FIRST_WAY, {}
+    way = FIRST_WAY
+    known: dict[float, Solved] = {}
     while way <= LAST_WAY:
         at = start - math.copysign(way, force)
         before, known = known, {at: fit_at(at)}

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +27,6 @@ from ..contact.eigen import Eigen
 from .law import Hardening, PointState, flow, overshoot
 from .path import Path, StrainAlong
 
-
 NEIGHBOURS = 3
 """Points that a carried value is taken from."""
 
@@ -37,6 +37,10 @@ MOST_PARTS = 8
 
 MARGIN = 0.1
 """Part of the yield stress by which a point may stay below it and be watched in a step."""
+
+
+Changes: TypeAlias = Mapping[str, FloatArray | IntArray]
+"""What changed in a body within an increment: its points, and all that they remember, as named arrays."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,16 +62,16 @@ class BodyFlow:
         gained = after.strain[points] - before.strain[points]
         return BodyFlow(state=after, points=points, gained=gained, moved=moved)
 
-    def changes(self) -> dict[str, FloatArray | IntArray]:
+    def changes(self) -> Changes:
         """The points that flowed, and all that they remember, as named arrays."""
         part = self.state.at(self.points)
         return {"points": self.points} | {name: getattr(part, name) for name in PointState.__dataclass_fields__}
 
 
-def changed(before: PointState, changes: Mapping[str, FloatArray | IntArray]) -> PointState:
+def changed(before: PointState, changes: Changes) -> PointState:
     """The state after `BodyFlow.changes`."""
-    own = {name: changes[name] for name in PointState.__dataclass_fields__}
-    return before.with_points(changes["points"], PointState(**own))
+    own = {name: np.asarray(changes[name], dtype=np.float64) for name in PointState.__dataclass_fields__}
+    return before.with_points(np.asarray(changes["points"], dtype=np.int64), PointState(**own))
 
 
 class PlasticBody:
@@ -86,6 +90,7 @@ class PlasticBody:
         self.scale = np.sqrt(self.weight[:, None] * np.array([1.0, 1.0, 1.0, 0.5]))
         self.moduli = stiffness_moduli(body.material)
         self.shear_modulus = body.material.shear_modulus
+        self._last_carried: tuple[float, sp.csr_matrix] | None = None
         cells = np.repeat(space.cells, self.per_cell, axis=0)
         columns = np.stack([2 * cells, 2 * cells + 1], axis=2).reshape(self.count, 1, -1)
         rows = np.arange(4 * self.count).reshape(self.count, 4, 1)
@@ -127,14 +132,17 @@ class PlasticBody:
         points = np.flatnonzero(gained.any(axis=1))
         return points, gained[points]
 
-    @lru_cache(maxsize=4)
     def _carried(self, along: float) -> sp.csr_matrix:
-        """Takes values at the points to where they are carried by a distance along the axis [mm], of `NEIGHBOURS`."""
+        """Takes values at the points to where they are carried along the axis [mm], as means of `NEIGHBOURS`."""
+        if self._last_carried is not None and self._last_carried[0] == along:
+            return self._last_carried[1]
         distance, nearest = cKDTree(self.places + np.array([0.0, along])).query(self.places, k=NEIGHBOURS)
         weight = 1.0 / (distance + 1e-3 * abs(along)) ** 2
         weight /= weight.sum(axis=1, keepdims=True)
         rows = np.repeat(np.arange(self.count), NEIGHBOURS)
-        return sp.csr_matrix((weight.ravel(), (rows, nearest.ravel())), shape=(self.count, self.count))
+        matrix = sp.csr_matrix((weight.ravel(), (rows, nearest.ravel())), shape=(self.count, self.count))
+        self._last_carried = along, matrix
+        return matrix
 
     def load(self, plastic: FloatArray) -> FloatArray:
         """f_p (dofs,) [N] of plastic strains (points, 4)."""
@@ -177,7 +185,9 @@ class BodyStep:
 
     def __init__(self, body: PlasticBody, before: BodyFlow, moved: float, loads: FloatArray) -> None:
         self.body, self.before, self._moved = body, before.state, moved
-        self._parts = max(1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9)))
+        self._parts = max(
+            1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9))
+        )
         self._loads = loads
         self._path: Path | None = None
         self._base = body.load(before.state.strain)
@@ -221,22 +231,19 @@ class BodyStep:
     def flowed(self, displacement: FloatArray) -> FloatArray:
         """g(x): the plastic strains that the law gives at a displacement (dofs,)."""
         body = self.body
-        after = (self._operator @ displacement).reshape(-1, 4)
-        state = self._part
-        for strain in [*self._between(displacement, after), after]:
-            state = flow((strain - state.strain) @ body.moduli, state, body.law, body.shear_modulus)
-        self._after = state
-        return state.strain
+        self._after = flow(self._strains(displacement), self._part, body.law, body.shear_modulus)
+        return self._after.strain
 
-    def _between(self, displacement: FloatArray, after: FloatArray) -> list[FloatArray]:
-        """Strains between the start of the step and its end."""
+    def _strains(self, displacement: FloatArray) -> FloatArray:
+        """Total strains along the step (parts, points, 4), the last at its end."""
+        after = (self._operator @ displacement).reshape(1, -1, 4)
         if self._parts == 1 or not len(self.points):
-            return []
+            return np.asarray(after)
         if self._path is None:
             way = self._moved if self.body.body.which == "axle" else -self._moved
             self._path = Path(self.body.along, self.points, self._start, way, self._parts)
-            self._path.choose(after)
-        return self._path.strains(displacement, after)
+            self._path.choose(after[0])
+        return np.concatenate([self._path.strains(displacement, after[0]), after])
 
     def widened(self, displacement: FloatArray) -> int:
         """How many points that were left out flow at this displacement; they and what is near are taken in."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import accumulate
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..base.arrays import FloatArray, IntArray
-from .body import PlasticBody
-
-Changes = Mapping[str, FloatArray | IntArray]
+from ..base.arrays import FloatArray
+from .body import Changes, PlasticBody
 
 
 class FlowHistory:
@@ -18,7 +15,8 @@ class FlowHistory:
 
     def __init__(self, body: PlasticBody, changes: Sequence[Changes | None]) -> None:
         self.body, self._changes = body, changes
-        self.any = list(accumulate((bool(each) and len(each["points"]) > 0 for each in changes), lambda a, b: a or b))
+        flowed = [each is not None and len(each["points"]) > 0 for each in changes]
+        self.any: list[bool] = np.logical_or.accumulate(flowed).tolist()
         self._strain, self._accumulated, self._done = np.zeros((body.count, 4)), np.zeros(body.count), 0
 
     def at(self, numbers: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -40,4 +38,4 @@ class FlowHistory:
 
     def stresses(self, strains: FloatArray) -> FloatArray:
         """D eps_p (4, points, k) [MPa]."""
-        return np.einsum("ij,pjk->ipk", self.body.moduli, strains)
+        return np.asarray(np.einsum("ij,pjk->ipk", self.body.moduli, strains))

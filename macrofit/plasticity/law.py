@@ -23,13 +23,12 @@ Chaboche, Mechanics of Solid Materials (1990), 5.4.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..base.arrays import FloatArray, IntArray
 
-_ITERATIONS = 60
-_ROUNDING = 1e-13
 _SHEAR = np.array([1.0, 1.0, 1.0, 2.0])  # the shear counts twice in t : t, and in an engineering strain
 
 
@@ -38,7 +37,7 @@ class Hardening:
     """R(p) = yield_stress + isotropic p + saturation (1 - exp(-rate p)) + curve(p), and the back-stresses."""
 
     yield_stress: float
-    """R(0) [MPa]."""
+    """R(0), before anything flowed [MPa]."""
     isotropic: float = 0.0
     """Linear growth of R [MPa]."""
     saturation: float = 0.0
@@ -64,6 +63,12 @@ class Hardening:
             slope = slope + slopes[np.searchsorted(strains, p, side="right") - 1]
         return value, slope
 
+    @cached_property
+    def columns(self) -> tuple[FloatArray, ...]:
+        """The constants as the kernels take them."""
+        radius = (self.yield_stress, self.isotropic, self.saturation, self.rate)
+        return tuple(np.array(each, dtype=np.float64) for each in (radius, *self.curve, self.moduli, self.recalls))
+
     @property
     def backs(self) -> int:
         """Number of back-stresses."""
@@ -77,7 +82,7 @@ class PointState:
     strain: FloatArray
     """Plastic strain (n, 4), with the engineering shear [-]."""
     accumulated: FloatArray
-    """p (n,) [-]."""
+    """Accumulated plastic strain p (n,) [-]."""
     back: FloatArray
     """Back-stresses (n, backs, 4) [MPa]."""
     work: FloatArray
@@ -121,61 +126,13 @@ def overshoot(trial: FloatArray, state: PointState, law: Hardening) -> FloatArra
     return np.asarray(equivalent(relative) - law.radius(state.accumulated)[0])
 
 
-def flow(trial: FloatArray, state: PointState, law: Hardening, shear_modulus: float) -> PointState:
-    """The state after a step whose stresses would be ``trial`` (n, 4) [MPa] if no point flowed in it.
+def flow(path: FloatArray, state: PointState, law: Hardening, shear_modulus: float) -> PointState:
+    """The state of points that were led along total strains (steps, points, 4), one after the other.
 
-    A point within the yield surface keeps its state. The work gained is left to the caller, who knows the stress
-    before the step.
+    The work stays as it was: it is for the caller, who knows the stress before the steps.
     """
-    moves = np.flatnonzero(overshoot(trial, state, law) > 0.0)
-    if not len(moves):
-        return state
-    before = state.at(moves)
-    stress = deviator(trial[moves])
-    gained = _flow_length(stress, before, law, shear_modulus)
-    fade = np.exp(-np.array(law.recalls) * gained[:, None])[:, :, None]
-    relative = stress - (before.back * fade).sum(axis=1)
-    normal = relative / equivalent(relative)[:, None]
-    after = PointState(
-        strain=before.strain + 1.5 * gained[:, None] * normal * _SHEAR,
-        accumulated=before.accumulated + gained,
-        back=before.back * fade + _grown(law, gained)[:, :, None] * normal[:, None, :],
-        work=before.work,
-    )
-    return state.with_points(moves, after)
+    from .kernels import follow
 
-
-def _grown(law: Hardening, gained: FloatArray) -> FloatArray:
-    """C_i (1 - exp(-g_i dp)) / g_i (n, backs) [MPa]."""
-    moduli, recalls = np.array(law.moduli), np.array(law.recalls)
-    safe = np.where(recalls > 0.0, recalls, 1.0)
-    fading = -np.expm1(-safe * gained[:, None]) / safe
-    return np.asarray(moduli * np.where(recalls > 0.0, fading, gained[:, None]))
-
-
-def _flow_length(stress: FloatArray, state: PointState, law: Hardening, shear_modulus: float) -> FloatArray:
-    """The dp > 0 (n,) of points that flow: Newton's method within a bracket that shrinks."""
-    recalls = np.array(law.recalls)
-
-    def excess(gained: FloatArray) -> tuple[FloatArray, FloatArray]:
-        radius, slope = law.radius(state.accumulated + gained)
-        fade = np.exp(-recalls * gained[:, None])
-        relative = stress - (state.back * fade[:, :, None]).sum(axis=1)
-        size = equivalent(relative)
-        value = size - radius - 3.0 * shear_modulus * gained - _grown(law, gained).sum(axis=1)
-        turned = ((state.back * (recalls * fade)[:, :, None]).sum(axis=1) * relative) @ _SHEAR * 1.5 / size
-        return value, turned - slope - 3.0 * shear_modulus - (np.array(law.moduli) * fade).sum(axis=1)
-
-    low, gained = np.zeros(len(stress)), np.zeros(len(stress))
-    value, slope = excess(gained)
-    high = 1.001 * value / (3.0 * shear_modulus)
-    scale = value + law.yield_stress
-    for _ in range(_ITERATIONS):
-        step = gained - value / slope
-        outside = (step < low) | (step > high)
-        gained = np.where(outside, 0.5 * (low + high), step)
-        value, slope = excess(gained)
-        low, high = np.where(value > 0.0, gained, low), np.where(value > 0.0, high, gained)
-        if (np.abs(value) <= _ROUNDING * scale).all():
-            break
-    return gained
+    strain, accumulated, back = (np.array(each, order="C") for each in (state.strain, state.accumulated, state.back))
+    follow(np.ascontiguousarray(path), strain, accumulated, back, *law.columns, shear_modulus)
+    return PointState(strain=strain, accumulated=accumulated, back=back, work=state.work)

@@ -46,9 +46,7 @@ def hardening(material: Material) -> Hardening | None:
             backs = ((keys.kinematic,), (0.0,)) if keys.kinematic else ((), ())
             return Hardening(yield_stress=stress, isotropic=keys.isotropic, moduli=backs[0], recalls=backs[1])
         case VoceHardening():
-            return Hardening(
-                yield_stress=stress, isotropic=keys.isotropic, saturation=keys.saturation, rate=keys.rate
-            )
+            return Hardening(yield_stress=stress, isotropic=keys.isotropic, saturation=keys.saturation, rate=keys.rate)
         case ChabocheHardening():
             return Hardening(
                 yield_stress=stress,

@@ -12,9 +12,6 @@ better: the straight one where |eps_after(P) - eps_before(P)| < |eps_after(P) - 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
@@ -25,6 +22,9 @@ from ..bodies.fenics import Discretisation
 
 CANDIDATES = 12
 """Cells whose centres are nearest to a point, among which the one that holds it is looked for."""
+
+KEPT = 32
+"""Shifts whose operators are kept."""
 
 OUTSIDE = 0.2
 """How far, in barycentric coordinates, a point may lie beyond the nearest cell and be evaluated there."""
@@ -37,10 +37,17 @@ class StrainAlong:
         self.space, self.places = space, places
         self._corners = space.nodes[space.cells[:, :3]]
         self._tree = cKDTree(self._corners.mean(axis=1))
+        self._known: dict[float, tuple[sp.csr_matrix, BoolArray]] = {}
 
-    @lru_cache(maxsize=32)
     def at(self, shift: float) -> tuple[sp.csr_matrix, BoolArray]:
-        """B (4 points, dofs) at the points moved by ``shift`` [mm] along the axis, and which of them lie in the body."""
+        """B (4 points, dofs) at the points moved along the axis [mm], and which of these lie in the body."""
+        if shift not in self._known:
+            if len(self._known) == KEPT:
+                self._known.clear()
+            self._known[shift] = self._operator(shift)
+        return self._known[shift]
+
+    def _operator(self, shift: float) -> tuple[sp.csr_matrix, BoolArray]:
         places = self.places + np.array([0.0, shift])
         cells, points, inside = self._located(places)
         corners = self._corners[cells]
@@ -76,36 +83,31 @@ class Path:
     """
 
     def __init__(self, along: StrainAlong, points: IntArray, before: FloatArray, carried: float, parts: int) -> None:
-        self.shares = np.arange(1, parts) / parts
+        self.shares = (np.arange(1, parts) / parts)[:, None, None]
         rows = (4 * points[:, None] + np.arange(4)).ravel()
-        self._before, self._after, held = [], [], np.ones(len(points), dtype=bool)
+        inside = np.ones(len(points), dtype=bool)
 
-        def strains(shift: float) -> tuple[sp.csr_matrix, BoolArray]:
-            operator, inside = along.at(round(shift, 9))
-            return operator[rows], inside[points]
+        def strains(shift: float) -> FloatArray:
+            """Strains of the displacement before, at the shifted points (m, 4)."""
+            operator, there = along.at(round(shift, 9))
+            inside[:] &= there[points]
+            return np.asarray((operator @ before).reshape(-1, 4)[points])
 
-        for share in self.shares:
-            for where, shift in ((self._before, -share * carried), (self._after, (1.0 - share) * carried)):
-                operator, inside = strains(shift)
-                held &= inside
-                where.append((operator @ before).reshape(-1, 4) if where is self._before else operator)
-        operator, inside = strains(-carried)
-        self._stays = ~(held & inside)
-        self._whole = (operator @ before).reshape(-1, 4)
-        here, _ = strains(0.0)
-        self._here = (here @ before).reshape(-1, 4)
-        self._chosen = False
+        self._here, self._whole = strains(0.0), strains(-carried)
+        self._before = np.stack([strains(-share * carried) for share in self.shares.ravel()])
+        after = [along.at(round((1.0 - share) * carried, 9)) for share in self.shares.ravel()]
+        self._after = sp.vstack([operator[rows] for operator, _ in after], format="csr")
+        self._stays = ~np.logical_and.reduce([inside, *(there[points] for _, there in after)])
 
     def choose(self, after: FloatArray) -> None:
         """Decide between the paths for the strains (m, 4) after the step."""
         straight = np.abs(after - self._here).sum(axis=1)
         self._stays |= straight <= np.abs(after - self._whole).sum(axis=1)
 
-    def strains(self, displacement: FloatArray, after: FloatArray) -> list[FloatArray]:
-        """The strains (m, 4) at the end of each sub-step but the last."""
-        out = []
-        for share, before, operator in zip(self.shares, self._before, self._after, strict=True):
-            straight = (1.0 - share) * self._here + share * after
-            carried = (1.0 - share) * before + share * (operator @ displacement).reshape(-1, 4)
-            out.append(np.where(self._stays[:, None], straight, carried))
-        return out
+    def strains(self, displacement: FloatArray, after: FloatArray) -> FloatArray:
+        """The strains (parts - 1, m, 4) at the end of each sub-step but the last."""
+        straight = (1.0 - self.shares) * self._here + self.shares * after
+        carried = (1.0 - self.shares) * self._before + self.shares * (self._after @ displacement).reshape(
+            self._before.shape
+        )
+        return np.where(self._stays[:, None], straight, carried)

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..base.arrays import FloatArray, IntArray
+from ..base.arrays import FloatArray
 from ..contact.eigen import Eigen
 from ..parallel import owner
 from .anderson import Anderson
-from .body import BodyFlow, BodyStep, PlasticBody, changed
+from .body import BodyFlow, BodyStep, Changes, PlasticBody, changed
 
 TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
@@ -33,9 +33,6 @@ LIMIT = 60
 
 Flow = dict[str, BodyFlow]
 """The state of the points of this rank's bodies."""
-
-Changes = dict[str, FloatArray | IntArray]
-"""What changed in a body within an increment, see `BodyFlow.changes`."""
 
 Loads = tuple[FloatArray, FloatArray]
 """Nodal loads of the contact on the seat and on the bore [N]."""

@@ -21,9 +21,10 @@ from macrofit.contact.seat import CoveredSeat
 from macrofit.contact.status import OPEN
 from macrofit.errors import MacrofitError
 from macrofit.friction import FrictionField
-from macrofit.press import REACH, Press, State, Step
+from macrofit.press import REACH, Press
 from macrofit.scene.keys import Scene
 from macrofit.solution import Increment
+from macrofit.state import State, Step
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -80,7 +80,7 @@ class Ring:
         return out
 
     def stretch(self, opening: float, *, keep: bool = True) -> float:
-        """Move the bore outward to a displacement [mm]; the pressure that takes [MPa]. Newton, tangent by differences."""
+        """Move the bore outward [mm]; the pressure that takes [MPa]. Newton's method, its tangent by differences."""
         nu, r = self.poisson_ratio, self.nodes
         elastic = (1.0 - nu) * r + (1.0 + nu) * self.outer**2 / r  # Lame's, to start from
         u = self.displacement + (opening - self.displacement[0]) * elastic / elastic[0]

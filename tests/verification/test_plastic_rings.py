@@ -92,7 +92,7 @@ def test_facets_hardly_matter(order: int) -> None:
 
 
 def test_ring_taken_off_keeps_what_flowed() -> None:
-    """Pulled off, the ring springs back elastically (autofrettage): the bore stays larger by what the reference says."""
+    """Pulled off, the ring springs back elastically: the bore stays larger by what the reference says."""
     scene = ring(152.0, 0.3)
     scene = load_scene_with_motion(scene)
     solution = solve(scene, MPI.COMM_SELF)
