@@ -15,7 +15,7 @@ from .bodies.body import ContactLine
 from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
-from .contact.newton import RESIDUAL, LinearProblem, Report, newton
+from .contact.newton import LinearProblem, Report, newton, settled_status
 from .contact.release import let_go, release
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
@@ -32,17 +32,6 @@ REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
 
 TILE = 1.0  # mm, length of a friction tile
-
-NO_SLIP = 1e-6
-"""Slip below this share of the motion is none: the facet sticks, wherever in the cone its traction is.
-
-A traction that is kept at the cone's edge slips by 1e-8 of the motion (`push-out`, by the sleeve's own flexibility),
-the first facet that slip reaches by 1e-3.
-"""
-
-
-class Engine(Protocol):
-    """What solves the linear problems: the condensed interface or the whole sparse system."""
 
     factorisations: int
 
@@ -484,16 +473,6 @@ class Press:
             dissipation=0.0,
             settled=settled,
         )
-
-
-def settled_status(
-    report: Report, contact: ContactProblem, friction: FloatArray, slip: FloatArray, moved: float
-) -> StatusArray:
-    """Status of each moment by its slip [mm]: one that friction holds without slip in this motion [mm] sticks."""
-    asked = report.status.kind
-    unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
-    slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
-    return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)
 
 
 def tiles(coordinate: FloatArray) -> int:

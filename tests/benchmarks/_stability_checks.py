@@ -9,10 +9,9 @@ import numpy as np
 
 from macrofit.base.arrays import FloatArray, IntArray
 from macrofit.contact.law import return_mapping
-from macrofit.contact.newton import RESIDUAL
+from macrofit.contact.newton import NO_SLIP, RESIDUAL
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.friction import FrictionField
-from macrofit.press import NO_SLIP
 from macrofit.solution import Increment, force_balance
 from macrofit.state import Step
 from macrofit.stress import evaluate_stresses
