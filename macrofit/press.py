@@ -33,6 +33,10 @@ REACH = 1.5
 
 TILE = 1.0  # mm, length of a friction tile
 
+
+class Engine(Protocol):
+    """What solves the linear problems: the condensed interface or the whole sparse system."""
+
     factorisations: int
 
     def problem(self, contact: ContactProblem) -> LinearProblem:

@@ -56,7 +56,7 @@ class StressEvaluator:
         return np.stack(means, axis=1)
 
     def extent(self, chosen: BoolArray) -> tuple[float, float]:
-        """Largest distance of chosen points (points,) from the contact line [mm], and their area of the section [mm2]."""
+        """Largest distance of chosen points (points,) from the contact line [mm], and their area [mm2]."""
         if not chosen.any():
             return 0.0, 0.0
         distance, _ = cKDTree(self.body.line.nodes).query(self.places[chosen])

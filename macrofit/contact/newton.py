@@ -23,17 +23,12 @@ SHARE = 1e-9
 CONTRACTION = 1e-2
 """Least factor between two changes that is believed; those of kappa are below."""
 
-
 NO_SLIP = 1e-6
 """Slip below this share of the motion is none: the facet sticks, wherever in the cone its traction is.
 
 A traction that is kept at the cone's edge slips by 1e-8 of the motion (`push-out`, by the sleeve's own flexibility),
 the first facet that slip reaches by 1e-3.
 """
-
-
-class Engine(Protocol):
-    """What solves the linear problems: the condensed interface or the whole sparse system."""
 
 
 class LinearProblem(Protocol):
