@@ -15,7 +15,7 @@ Grade = Literal["EA1N", "EA4T", "ER7", "ER8", "ER9"]
 Isotropic: TypeAlias = Annotated[NotNegative, told("Linear growth of the yield stress by plastic strain [MPa].")]
 Saturation: TypeAlias = Annotated[NotNegative, told("Q of Voce: growth of the yield stress at large strains [MPa].")]
 Rate: TypeAlias = Annotated[NotNegative, told("b of Voce: how soon Q is reached [-].")]
-Column: TypeAlias = Annotated[tuple[float, ...], msgspec.Meta(min_length=2)]
+Column: TypeAlias = Annotated[tuple[NotNegative, ...], msgspec.Meta(min_length=2)]
 Backs: TypeAlias = Annotated[tuple[NotNegative, ...], msgspec.Meta(min_length=1, max_length=3)]
 
 

@@ -172,7 +172,7 @@ def _moments(run: Run, taken: Taken, bulk: dict[str, FloatArray]) -> Moments | N
     contact = ContactProblem(
         covered=covered,
         coupling=whole,
-        approach=np.stack([whole.gap, slip]),
+        undeformed=np.stack([whole.gap, slip]),
         radial=seat.line.radial,
         nitsche=seat.nitsche,
     )
