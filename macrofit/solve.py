@@ -75,7 +75,7 @@ def solve(
     increments, states = advance(press, comm, monitor, journal)
     clock.append(time.process_time())
 
-    stresses = evaluate_stresses(scene, assembly, states)
+    stresses = evaluate_stresses(scene, assembly, states, increments)
     clock.append(time.process_time())
     monitor.finished()
 

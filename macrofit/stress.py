@@ -16,7 +16,7 @@ from .bodies.stress import StressEvaluator
 from .parallel import owner
 from .plasticity.material import yield_stress
 from .scene.keys import Scene
-from .solution import BodyField, Extreme, YieldZone
+from .solution import BodyField, Extreme, Increment, YieldZone
 from .state import State
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ class Stresses:
     back_substitutions: int
 
 
-def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State]) -> Stresses:
+def evaluate_stresses(
+    scene: Scene, assembly: Assembly, states: Sequence[State], increments: Sequence[Increment]
+) -> Stresses:
     """The largest von Mises stress over the run and the fields the scene asks for. Collective."""
     comm = assembly.comm
     travels = [state.displacement for state in states]
@@ -65,7 +67,8 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
                     from .plasticity.history import FlowHistory
 
                     flow = FlowHistory(assembly.plastic[name], [(state.changes or {}).get(name) for state in states])
-                found[name] = _evaluate(evaluator, loads, travels, wanted, flow, everywhere=scene.output.stress)
+                tractions = {k: _line_traction(assembly, name, increments[k]) for k in wanted}
+                found[name] = _evaluate(evaluator, loads, travels, tractions, flow, everywhere=scene.output.stress)
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
         extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
@@ -104,7 +107,7 @@ def _evaluate(
     evaluator: StressEvaluator,
     loads: Sequence[FloatArray],
     travels: Sequence[float],
-    wanted: Sequence[int],
+    tractions: dict[int, FloatArray],
     flow: FlowHistory | None,
     *,
     everywhere: bool,
@@ -119,7 +122,7 @@ def _evaluate(
     best: Extreme | None = None
     stated = yield_stress(body.material)
     beyond = np.zeros(len(evaluator.places), dtype=bool)
-    numbers = sorted({*wanted, *(loaded if everywhere else ())}) or [0]
+    numbers = sorted({*tractions, *(loaded if everywhere else ())}) or [0]
     for start in range(0, len(numbers), _BATCH):
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)
@@ -138,10 +141,10 @@ def _evaluate(
             best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
             if flow is None and stated is not None:
                 beyond |= (equivalent > stated).any(axis=1)
-        for k in set(batch) & set(wanted):
-            column = batch.index(k)
-            plastic = None if accumulated is None else accumulated[:, column]
-            fields[k] = _field(evaluator, displacement[:, column], stress[:, :, column], plastic, travels[k])
+        for k in set(batch) & set(tractions):
+            at = batch.index(k)
+            plastic = None if accumulated is None else accumulated[:, at]
+            fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], plastic, travels[k])
     return _BodyStresses(
         extreme=best,
         fields=fields,
@@ -153,6 +156,24 @@ def _evaluate(
         factorisations=body.factorisations - factored,
         back_substitutions=body.back_substitutions - solved,
     )
+
+
+def _line_traction(assembly: Assembly, name: str, record: Increment) -> FloatArray:
+    """Traction (t_r, t_z) [MPa] in the middle of each facet of a body's contact line, (facets, 2).
+
+    The bore has the opposite of what the seat has at the same place, linear between the middles of the seat's facets.
+    """
+    seat, pressure, shear = assembly.seat.line, record.facets.pressure, record.facets.traction
+    normals = seat.normals
+    if name == "wheel":
+        bore = assembly.wheel.line
+        moved = record.displacement if bore.radial else 0.0
+        place, there = (0.5 * (line.coordinate[1:] + line.coordinate[:-1]) for line in (bore, seat))
+        pressure, shear = (np.interp(place + moved, there, each, left=0.0, right=0.0) for each in (pressure, shear))
+        normals = -bore.normals
+    n_r, n_z = normals.T
+    on_axle = np.stack([-pressure * n_r - shear * n_z, -pressure * n_z + shear * n_r], axis=1)
+    return np.asarray(on_axle if name == "axle" else -on_axle)
 
 
 def _larger(
@@ -190,11 +211,12 @@ def _field(
     evaluator: StressEvaluator,
     displacement: FloatArray,
     stress: FloatArray,
+    traction: FloatArray,
     plastic: FloatArray | None,
     travel: float,
 ) -> BodyField:
     body = evaluator.body
-    recovered = evaluator.recover(stress)
+    recovered = evaluator.patches.recover(stress, traction)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,
@@ -210,4 +232,4 @@ def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -
     """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
     if plastic is None:
         return None
-    return np.asarray(np.maximum(evaluator.recover(np.stack([plastic] * 4))[:, 0], 0.0))
+    return np.asarray(np.maximum(evaluator.patches.recover(np.stack([plastic] * 4))[:, 0], 0.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
@@ -9,6 +11,7 @@ from scipy.spatial import cKDTree
 from ..base.arrays import BoolArray, FloatArray
 from .body import Body
 from .elasticity import stiffness_moduli, strain_operator
+from .recovery import Patches
 
 
 def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:
@@ -40,20 +43,10 @@ class StressEvaluator:
         """(4, points, k) [MPa] at the Gauss points, for displacements (dofs, k)."""
         return np.asarray((self._operator @ displacement).reshape(4, -1, displacement.shape[1]))
 
-    def recover(self, stress: FloatArray) -> FloatArray:
-        """(nodes, 4): the linear stress of each cell at its nodes, averaged over the cells that share them."""
-        space, k = self.body.space, len(self.points)
-        per_cell = stress.reshape(4, len(space.cells), k)
-        if k == 3:  # linear through the Gauss points: 5/3 of the nearest, -1/3 of the others at a vertex
-            vertices = per_cell @ (2.0 * np.eye(3) - 1.0 / 3.0)
-            middles = 0.5 * (vertices[..., [1, 0, 0]] + vertices[..., [2, 2, 1]])
-            values = np.concatenate([vertices, middles], axis=2)
-        else:
-            values = np.repeat(per_cell, 3, axis=2)
-        nodes, count = space.cells.ravel(), len(space.nodes)
-        shares = np.bincount(nodes, minlength=count)
-        means = [np.bincount(nodes, component.ravel(), minlength=count) / shares for component in values]
-        return np.stack(means, axis=1)
+    @cached_property
+    def patches(self) -> Patches:
+        """What recovers stresses at the nodes; made when a field is first asked for."""
+        return Patches(self.body, self.places)
 
     def extent(self, chosen: BoolArray) -> tuple[float, float]:
         """Largest distance of chosen points (points,) from the contact line [mm], and their area [mm2]."""

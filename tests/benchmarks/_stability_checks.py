@@ -182,6 +182,6 @@ def _of_records(run: Run) -> Iterator[tuple[str, float]]:
         same = step is not None and (record.force, record.strain_energy) == (step.force, step.strain_energy)
         yield "facets", 0.0 if same else math.inf
     if run.records:
-        stresses = evaluate_stresses(run.scene, run.assembly, run.states)
+        stresses = evaluate_stresses(run.scene, run.assembly, run.states, run.records)
         yield "finite", float(not all(math.isfinite(extreme.value) for extreme in stresses.extremes.values()))
         yield "force", force_balance(run.records, stresses.reactions) or 0.0
