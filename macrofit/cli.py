@@ -26,6 +26,7 @@ from .base.commands import (
     few_threads,
     say_bug,
     set_option,
+    was_interrupted,
 )
 from .base.ranks import leave
 from .errors import MacrofitError
@@ -215,11 +216,12 @@ def identify(
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
     """Print a summary; of a quiet run its doubts alone, as errors are."""
+    from .base.progress import say
     from .results.doubts import DOUBTFUL
 
     for line in lines:
         if not quiet:
-            click.echo(line)
+            say(line)
         elif line.startswith(DOUBTFUL):
             click.echo(line, err=True)
 
@@ -266,13 +268,13 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
         if comm.rank == 0:
             complain(error)
         sys.exit(USER_MISTAKE)
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            complain(f"interrupted; what was computed is in {folder}, continue with --resume")
-        else:
-            time.sleep(PATIENCE_S)
-        leave(comm, INTERRUPTED)
-    except Exception:
+    except (KeyboardInterrupt, Exception) as error:
+        if was_interrupted(error):
+            if comm.rank == 0:
+                complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+            else:
+                time.sleep(PATIENCE_S)
+            leave(comm, INTERRUPTED)
         if comm.size == 1:
             raise
         say_bug(comm.rank, comm.size)

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from macrofit.base.caches import ensure_cache
+from macrofit.base.compiled import check_compiled
 
 ensure_cache()  # numba looks for it where a kernel is declared
 
@@ -1026,3 +1027,6 @@ def run_leapfrog_large(
         room -= dt * (2.0 * moved[5] + path)
     total[7] = faces + moved[4]
     return done, count, room
+
+
+check_compiled(contact_law)

@@ -39,14 +39,16 @@ class Case:
     suffix: str = ".csv"
     sound: bool = False
     """Whether nothing is wrong with it, so that a refusal is a mistake."""
+    path: Path | None = None
+    """Where it must stand, if not in a file of its kind's name."""
 
 
-def run(kind: str, seeds: range, folder: Path) -> Counted:
-    """Read the files of these seeds."""
+def run(kind: str, seeds: range, folder: Path, make: Callable[[np.random.Generator], Case] | None = None) -> Counted:
+    """Read the files of these seeds; ``make`` makes those of a kind that is not in `KINDS`."""
     counted = Counted()
     for seed in seeds:
-        case = KINDS[kind](np.random.default_rng([seed, len(kind)]))
-        path = folder / f"{kind}{case.suffix}"
+        case = (KINDS[kind] if make is None else make)(np.random.default_rng([seed, len(kind)]))
+        path = folder / f"{kind}{case.suffix}" if case.path is None else case.path
         path.write_bytes(case.data)
         started = time.perf_counter()
         try:

@@ -1,4 +1,4 @@
-"""Arrays in .npy files of strangers, whose heads are read and weighed before their content."""
+"""Arrays in .npy and .npz files, whose heads and check sums are weighed before their content."""
 
 from __future__ import annotations
 
@@ -43,3 +43,24 @@ def read_npy(path: Path, most_bytes: int) -> npt.NDArray[Any]:
         return np.asarray(np.load(file, allow_pickle=False))
     except DAMAGED as error:
         raise OutputError(f"{path}: is no .npy array of numbers, or a damaged one ({error})") from None
+
+
+def read_npz(path: Path, most_bytes: int) -> dict[str, npt.NDArray[Any]]:
+    """All arrays of an archive by name, once the check sums of all are seen to be right; objects are never loaded.
+
+    Raises:
+        OutputError: it cannot be read, is no .npz file, or a damaged one.
+    """
+    import zipfile
+    import zlib
+
+    data = read_regular(path, most_bytes)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            wrong = archive.testzip()
+        if wrong is not None:
+            raise ValueError(f"the check sum of {wrong} is wrong")
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            return {name: np.asarray(arrays[name]) for name in arrays.files}
+    except (*DAMAGED, OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise OutputError(f"{path}: is no .npz archive of arrays, or a damaged one ({error})") from None

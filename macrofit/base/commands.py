@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -15,6 +16,8 @@ from typing import Any
 import click
 
 from .errors import MacrofitError
+from .files import FULL
+from .progress import swallow
 
 BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 """Exit codes of every command."""
@@ -30,6 +33,7 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
+        open_streams()
         end_as_ctrl_c()
         try:
             with warnings_on_one_line():
@@ -40,6 +44,21 @@ class Commands(click.Group):
         except KeyboardInterrupt:
             complain("interrupted")
             ctx.exit(INTERRUPTED)
+        except OSError as error:
+            if error.errno not in FULL or error.filename is not None:
+                raise
+            swallow(sys.stdout)
+            complain(f"standard output: cannot be written: {error.strerror} (make room, then give the command again)")
+            ctx.exit(USER_MISTAKE)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if not was_interrupted(error):
+                raise
+            complain("interrupted")
+            ctx.exit(INTERRUPTED)
+        finally:
+            atexit.register(end_at_once)  # last in, first out: before what was imported meanwhile cleans up
 
 
 def set_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -67,10 +86,40 @@ def warnings_on_one_line() -> Iterator[None]:
         yield
 
 
+def was_interrupted(error: BaseException | None) -> bool:
+    """Whether an error began as Ctrl-C: a library in C that is loading makes an ImportError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def end_as_ctrl_c() -> None:
     """Let SIGTERM, by which a batch system ends a job, do what Ctrl-C does."""
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def end_at_once() -> None:
+    """Let signals end the process without a word, when its work is done and Python cleans up."""
+    with suppress(ValueError):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, signal.SIG_DFL)
+
+
+def open_streams() -> None:
+    """Put what swallows everything in the place of standard streams that are closed (`>&-`).
+
+    Else the next file that is opened would be standard output, and whatever a library prints would go into it.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(opened := os.open(os.devnull, os.O_RDWR), number)
+            if opened != number:
+                os.close(opened)
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def few_threads() -> None:

@@ -9,3 +9,13 @@ class MacrofitError(Exception):
 
 class OutputError(MacrofitError):
     """A file or folder that cannot be written or read back."""
+
+
+LONGEST = 300
+"""Characters of a file's content, at most, that a message repeats."""
+
+
+def shortened(text: object) -> str:
+    """What another library says of a file, on one line and cut where it repeats too much of what is in it."""
+    line = " ".join(str(text).split())
+    return line if len(line) <= LONGEST else f"{line[:LONGEST]} ..."

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from .errors import OutputError
 
@@ -50,13 +50,22 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(descriptor, "rb") as file:
-            _bounded(path, os.fstat(descriptor), most_bytes)  # another file may stand there by now
-            data = file.read(most_bytes + 1)
+            size = _bounded(path, os.fstat(descriptor), most_bytes)  # another file may stand there by now
+            data = _read_up_to(file, size, most_bytes + 1)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
     if len(data) > most_bytes:
         raise OutputError(_too_large(path, "more", most_bytes))
     return data
+
+
+def _read_up_to(file: BinaryIO, size: int, most: int) -> bytes:
+    """All that an open file of about ``size`` bytes holds, at most so much: only what is there takes memory."""
+    parts: list[bytes] = []
+    while most > 0 and (part := file.read(min(most, max(size + 1, 4096)))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
 
 
 def _bounded(path: Path, found: os.stat_result, most_bytes: int) -> int:

@@ -6,7 +6,10 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import IO, Any, Literal, TypeVar
+
+from .errors import OutputError
 
 Shown = TypeVar("Shown")
 
@@ -42,8 +45,31 @@ def suited(bar: Callable[[], Shown], lines: Callable[[], Shown], nothing: Callab
 
 
 def say(text: str, stream: IO[str] | None = None) -> None:
-    """One plain line, at once; characters of control are shown, not obeyed."""
-    print(printable(text), file=stream or sys.stdout, flush=True)
+    """One plain line, at once; characters of control are shown, not obeyed.
+
+    Raises:
+        OutputError: the disk behind the stream is full.
+        BrokenPipeError: nobody reads any more, which ends the command without a word.
+    """
+    stream = stream or sys.stdout
+    try:
+        print(printable(text), file=stream, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        swallow(stream)
+        raise OutputError(
+            f"standard output: cannot be written: {error.strerror} (make room, then give the same command, with "
+            f"--resume where it has that)"
+        ) from None
+
+
+def swallow(stream: IO[str]) -> None:
+    """Let a stream that cannot be written lose what it still holds: Python would fail on it once more in the end."""
+    with suppress(OSError, ValueError):
+        number, nothing = stream.fileno(), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, number)
+        os.close(nothing)
 
 
 def printable(text: str) -> str:

@@ -6,6 +6,7 @@ would make nodes or elements, or move them, is refused by its name.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -37,6 +38,12 @@ REFUSED = {
     "SYMMETRIC MODEL GENERATION": "write the plane mesh alone",
 }
 """Keywords that make or move a mesh, and what to do instead."""
+
+KEYWORD = re.compile(r"[A-Z][A-Z0-9 &_/'().-]*")
+"""What keywords look like, in capitals."""
+
+ALIKE = 0.8
+"""From which likeness on a keyword is a misspelt one of a mesh: *NODES and *ELEMNT are, *MODE is not."""
 
 SOLID = re.compile(r"(?:CAX|CGAX|CPS|CPE|CPEG|M3D|STRI|S)([3468])(?:\D.*)?")
 """Elements whose corners are those of triangles and quadrilaterals in a plane."""
@@ -100,12 +107,23 @@ def read_deck(path: Path, where: str) -> RawMesh:
         if keyword.name in REFUSED:
             raise deck.refuse(keyword, f"not read; {REFUSED[keyword.name]}")
         reader = READERS.get(keyword.name)
+        if reader is None:
+            _check_keyword(deck, keyword)
         try:
             if reader is not None:
                 reader(deck, keyword)
         except (ValueError, IndexError, OverflowError):
             raise deck.refuse(keyword, "has a field that is no number where one belongs, or too few of them") from None
     return _raw(deck)
+
+
+def _check_keyword(deck: Deck, keyword: Keyword) -> None:
+    """What is passed over is a keyword by its form, and none of a mesh but for a letter: its data would be lost."""
+    if not KEYWORD.fullmatch(keyword.name):
+        raise deck.refuse(keyword, "is no keyword; a comment begins with two stars, **")
+    close = difflib.get_close_matches(keyword.name, list(READERS), 1, ALIKE) if " " not in keyword.name else []
+    if close:
+        raise deck.refuse(keyword, f"is no keyword; did you mean *{close[0]}?")
 
 
 def _keywords(path: Path, where: str, depth: int) -> Iterator[Keyword]:

@@ -16,6 +16,8 @@ import numpy.typing as npt
 from ..base.files import check_regular
 from ..errors import MeshError, OutputError
 from .abaqus import LARGEST, read_deck
+from .gmsh_text import check_text
+from .nastran import check_whole, name_properties
 from .raw import RawMesh
 
 MaskArray = npt.NDArray[np.bool_]
@@ -48,8 +50,10 @@ def _through_meshio(file: Path, where: str) -> RawMesh:
     said = io.StringIO()
     try:
         with redirect_stdout(said), redirect_stderr(said), np.errstate(all="ignore"), _bounded(file), _strict():
-            _check_counts(file)
+            check_text(file)
+            check_whole(file)
             mesh = meshio.read(file)
+            name_properties(file, mesh, where)
         if "not closed" in said.getvalue():
             raise MeshError(f"{where} cannot be read: it is cut off; write it again")
         return _raw(mesh, where)
@@ -91,27 +95,6 @@ def _strict() -> Iterator[None]:
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", message="string or file could not be read")
         yield
-
-
-def _check_counts(file: Path) -> None:
-    """The blocks of a text of gmsh 4.1 add up to what its sections announce: meshio makes points of what is missing."""
-    if file.suffix.lower() != ".msh":
-        return
-    lines = file.read_bytes().split(b"\n")
-    if len(lines) < 2 or lines[1].split()[:2] != [b"4.1", b"0"]:
-        return
-    at = {line.strip(): k for k, line in enumerate(lines) if line.startswith(b"$")}
-    for section, column, per_item in ((b"Nodes", 3, 2), (b"Elements", 3, 1)):
-        if b"$" + section not in at:
-            continue
-        line = at[b"$" + section] + 1
-        blocks, total = (int(word) for word in lines[line].split()[:2])
-        line, found = line + 1, 0
-        for _ in range(min(blocks, len(lines))):
-            count = int(lines[line].split()[column])
-            found, line = found + count, line + 1 + per_item * count
-        if found != total or lines[line].strip() != b"$End" + section:
-            raise ValueError(f"its {section.decode().lower()} are not as many as it announces; the file is damaged")
 
 
 def _raw(mesh: Any, where: str) -> RawMesh:

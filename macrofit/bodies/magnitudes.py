@@ -62,5 +62,5 @@ def _elements(area: float, line: float, facet: float, coarse: float, growth: flo
     quarter = 0.25 * np.pi
     farthest = 2.0 * area / (line + np.sqrt(line**2 + 4.0 * quarter * area))
     d = np.append(0.0, np.geomspace(1e-9, 1.0, 400)) * farthest
-    density = (line + 2.0 * quarter * d) / np.minimum(coarse, facet + growth * d) ** 2
+    density = (line + 2.0 * quarter * d) * (1.0 / np.minimum(coarse, facet + growth * d)) ** 2  # a side of 1e300 counts
     return float((0.5 * (density[1:] + density[:-1]) * np.diff(d)).sum()) / 0.43  # area of an equilateral triangle

@@ -8,6 +8,7 @@ and boundaries that are not on the body are refused.
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..errors import MeshError
 from .formats import read_contents
+from .oddities import oddities, unused
 from .raw import RawMesh
 from .triangles import CORNERS, EdgeTable, IntArray, MeshData, check_sound, compact, doubled_area, place, tabulate_edges
 
@@ -63,7 +65,8 @@ def read_mesh(path: str, body: str, unit: str | None = None) -> MeshData:
     contact = CONTACT[body]
     _check_outside(where, contact, points, edges[contact], table)
     curve = _curve(where, points, table, table.find(edges[contact]), (triangles, middles))
-    return data if curve is None else replace(data, middles={contact: curve})
+    odd = (*oddities(data), *_odd_points(raw, points, (triangles, middles), edges))
+    return replace(data, middles={} if curve is None else {contact: curve}, oddities=odd)
 
 
 def _plane(where: str, points: FloatArray) -> FloatArray:
@@ -162,6 +165,22 @@ def _edges(where: str, wanted: str, raw: RawMesh, points: FloatArray, table: Edg
     if not len(found):
         raise MeshError(f"{where}: the set of nodes '{wanted}' has no two neighbours on the body's boundary")
     return np.asarray(found)
+
+
+def _odd_points(
+    raw: RawMesh, points: FloatArray, cells: tuple[IntArray, IntArray], edges: dict[str, IntArray]
+) -> Iterator[str]:
+    """What is odd about points on no element, or in a set of nodes and on none of its edges."""
+    triangles, middles = cells
+    yield from unused(points, triangles, np.union1d(triangles, middles[middles >= 0]))
+    for name, found in edges.items():
+        if _named("", name, raw.lines):
+            continue
+        members = np.concatenate(_named("", name, raw.nodes))
+        lone = np.setdiff1d(members, [*found.ravel(), *middles.ravel()])
+        if len(lone):
+            at = place(points[lone[0]])
+            yield f"'{name}' has a point at {at} that is on none of its edges; is one beside it missing?"
 
 
 def _named(where: str, wanted: str, groups: dict[str, list[IntArray]]) -> list[IntArray]:

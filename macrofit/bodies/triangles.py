@@ -16,17 +16,19 @@ CORNERS = ((0, 1), (1, 2), (2, 0))
 """Corners at the ends of the edges of a triangle."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeshData:
     """Straight-sided triangles. points (n, 2) [mm] as (r, z); triangles (m, 3); edges: name -> (k, 2) of points.
 
     middles: name -> (k, 2) points [mm] that a curved edge passes between its ends, for files of second order.
+    oddities: what may mean that the file is damaged, a sentence each.
     """
 
     points: FloatArray
     triangles: IntArray
     edges: dict[str, IntArray]
     middles: dict[str, FloatArray] = field(default_factory=dict)
+    oddities: tuple[str, ...] = ()
 
 
 def compact(points: FloatArray, triangles: IntArray, edges: dict[str, IntArray]) -> MeshData:
@@ -150,6 +152,25 @@ def check_sound(where: str, points: FloatArray, triangles: IntArray, table: Edge
         middle = 0.5 * (a + b)[folded[0]]
         raise MeshError(f"{where}: elements lie upon others at {place(middle)}; the mesh is folded there")
     _check_joined(where, points, triangles, table)
+    _check_around_points(where, points, triangles, table)
+
+
+def _check_around_points(where: str, points: FloatArray, triangles: IntArray, table: EdgeTable) -> None:
+    """The elements around a point fill one sector, of a full turn at most."""
+    ends = np.bincount(table.boundary.ravel(), minlength=len(points))
+    pinched = np.flatnonzero(ends > 2)
+    if len(pinched):
+        raise MeshError(
+            f"{where}: the body holds together by a single point at {place(points[pinched[0]])}; an element is "
+            f"missing there, or names a point from elsewhere"
+        )
+    angle = np.zeros(len(points))
+    for a, b in CORNERS:
+        ahead, back = (points[triangles[:, k]] - points[triangles[:, a]] for k in (b, 3 - a - b))
+        np.add.at(angle, triangles[:, a], np.abs(np.arctan2(np.cross(ahead, back), (ahead * back).sum(axis=1))))
+    full = np.flatnonzero(angle > 2.0 * np.pi + 1e-6)
+    if len(full):
+        raise MeshError(f"{where}: elements lie upon others around {place(points[full[0]])}; the mesh is folded there")
 
 
 def _check_joined(where: str, points: FloatArray, triangles: IntArray, table: EdgeTable) -> None:

@@ -7,6 +7,7 @@ hub (100 and 80 mm), against meshes of eight times as many facets; the scripts a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,8 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..bodies.geometry import Generatrix, Sizes, draw_body
+from ..bodies.mesh import read_mesh
+from ..errors import MacrofitError
 from ..scene.keys import Hub, MeshFile, Scene, Shaft
 
 SEAT_FACETS = 10
@@ -47,6 +50,7 @@ def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
         _clearance, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps, _sharp_corners,
+        _odd_meshes,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
 
@@ -59,6 +63,15 @@ def too_few_facets(line: str, coordinate: FloatArray, covered: float) -> Iterato
             f"too few facets: about {count:.2g} along the {line}, {SEAT_FACETS} are wanted (3 make the force 14 % "
             f"wrong); {'mesh.seat_facet' if line == 'seat' else 'mesh.bore_facet'} = {covered / (2 * SEAT_FACETS):.2g}"
         )
+
+
+def _odd_meshes(scene: Scene) -> Iterator[str]:
+    """What a damaged mesh file would show; it is read again, for bodies are long factored when a run is judged."""
+    for name, body in (("axle", scene.axle), ("wheel", scene.wheel)):
+        file = getattr(scene.mesh, name)
+        if isinstance(body, MeshFile) and file is not None:
+            with suppress(MacrofitError):
+                yield from (f"odd mesh: mesh.{name}: {odd}" for odd in read_mesh(file, name, scene.mesh.unit).oddities)
 
 
 def _clearance(scene: Scene) -> Iterator[str]:

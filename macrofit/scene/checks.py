@@ -13,6 +13,12 @@ from .profile import bore_profile, overlap, sampled, seat_profile
 SMALL_STRAIN = 0.02
 """Largest interference that the linear theory is asked for, in radii of the seat."""
 
+SHORTEST_LENGTH = 1e-7
+"""Shortest length of a body, in its largest: drawing and meshing tell points apart by some 1e-8 of it."""
+
+NO_LENGTHS = ("taper", "bore_taper", "web_offset")
+"""Keys of a body that are no lengths, or may be as small as they like."""
+
 
 def _need(condition: bool, message: str) -> None:
     if not condition:
@@ -28,6 +34,8 @@ def check_scene(scene: Scene) -> None:
     _check_motion(scene)
     for table, body in (("axle", scene.axle), ("wheel", scene.wheel)):
         _check_material(f"{table}.material", body.material, scene)
+        if not isinstance(body, MeshFile):
+            _check_lengths(table, body)
         if isinstance(body, Disc):
             _check_disc(table, body)
     if isinstance(scene.axle, Shaft):
@@ -90,6 +98,19 @@ def _check_table(where: str, keys: TabulatedHardening, stated: float | None) -> 
         stated is None or stated == stress[0],
         f"{where}.yield_stress: {stated} is not the first stress of the table, {stress[0]}; leave it out",
     )
+
+
+def _check_lengths(table: str, body: Shaft | Hub | Disc) -> None:
+    """No length is lost beside the largest one; a radius of curvature may be as large as it likes."""
+    given = {key: getattr(body, key) for key in body.__struct_fields__ if key not in NO_LENGTHS}
+    lengths = {key: value for key, value in given.items() if isinstance(value, float | int) and value > 0.0}
+    longest = max((key for key in lengths if not key.endswith(("_blend", "crown_radius"))), key=lambda k: lengths[k])
+    for key, value in lengths.items():
+        _need(
+            value >= SHORTEST_LENGTH * lengths[longest],
+            f"{table}.{key}: {value:.6g} is lost beside {table}.{longest}, {lengths[longest]:.6g}, of which it must be "
+            f"{SHORTEST_LENGTH:g} at least; correct one of them, or leave out what may be (0)",
+        )
 
 
 def _check_shaft(axle: Shaft) -> None:

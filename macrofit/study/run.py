@@ -20,7 +20,7 @@ from ..run import open_folder, write_results
 from ..scene import Scene
 from ..solution import Increment, Solution
 from ..solve import solve
-from .fields import save_fields
+from .fields import lost_fields, save_fields
 from .output import StudyProgress, open_study, run_folder, write_study
 from .plan import Plan, PlannedRun
 from .record import RunRecord, StudyFile
@@ -50,7 +50,11 @@ def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, k
 def _compute(
     plan: Plan, comm: MPI.Comm, folder: Path, kept: StudyFile | None, *, resume: bool, keep: bool, quiet: bool
 ) -> list[str]:
-    done = comm.bcast(set(kept.records) if kept is not None else None)
+    done: set[str] = set()
+    if kept is not None:
+        held = [run for run in plan.runs if run.digest in kept.records and asks_for_fields(run.scene)]
+        done = set(kept.records) - lost_fields(folder, held)
+    done = comm.bcast(done)
     different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
     left = [run for run in plan.runs if different[run.digest] is run and run.digest not in done]
     worker = RunWorker(plan, folder, resume=resume, keep=keep)

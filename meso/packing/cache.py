@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import warnings
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
+from macrofit.base.arrayfile import read_npz
 from macrofit.base.files import cache_folder, replacing
 
 from ..errors import OutputError
@@ -19,6 +18,9 @@ from ..surfaces.surface import Surface, generator
 from . import kernels as packing_kernels
 from . import pack as packing
 from .pack import Packing, pack
+
+MOST_BYTES = 1_000_000_000
+"""Size of a file; a sphere has 32 bytes."""
 
 
 @functools.lru_cache(maxsize=32)
@@ -48,16 +50,16 @@ def flat_packing(spheres: int, size: tuple[float, float], thickness: float, seed
 
 
 def _read(file: Path, size: tuple[float, float], thickness: float) -> Packing | None:
+    if not file.exists():
+        return None
     try:
-        with np.load(file, allow_pickle=False) as data:
-            centres, radii = data["centres"], data["radii"]
+        arrays = read_npz(file, MOST_BYTES)
+        centres, radii = arrays["centres"], arrays["radii"]
         if centres.shape != (len(radii), 3) or not (np.isfinite(centres).all() and np.all(radii > 0.0)):
             raise ValueError("not a packing")
         if len(radii) == 0 or np.any(centres < 0.0) or np.any(centres > np.array([*size, thickness])):
             raise ValueError("spheres outside their box")
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except (OutputError, ValueError, KeyError, TypeError) as error:
         warnings.warn(f"{file} is damaged and is made again ({error})", stacklevel=3)
         return None
     return Packing(centres, radii, Surface.flat(size), thickness)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from macrofit.base.caches import ensure_cache
+from macrofit.base.compiled import check_compiled
 
 ensure_cache()  # numba looks for it where a kernel is declared
 
@@ -195,3 +196,6 @@ def envelope(x, r, size, shape):
                 if cap > 0.0:
                     top[i, j] = max(top[i, j], x[k, 2] + np.sqrt(cap))
     return top
+
+
+check_compiled(envelope)

@@ -1,7 +1,8 @@
 """The database of friction tests the network learns from: an HDF5 file, and a journal while it is being filled.
 
-    FILE.h5           root attributes (see `Header`); group `samples`, a dataset for each field of `Samples`, one row
-                      per sample in the order of their end; group `failures`, `id` and `reason`
+    FILE.h5           a check sum of the whole (see `seal`), then HDF5: root attributes (see `Header`); group `samples`,
+                      a dataset for each field of `Samples`, one row per sample in the order of their end; group
+                      `failures`, `id` and `reason`
     FILE.h5.journal   the samples that ended since: a signature, a frame with the header, a frame for each sample
 
 A sample that ends is appended to the journal and forced onto the disk. When the journal has grown, a copy of the HDF5
@@ -35,6 +36,7 @@ from macrofit.base.log import Log
 from ..errors import DatabaseError
 from .journal import Content, Failure, Sample, encode, head, journal_of, read_journal, start
 from .samples import SCHEMA, Header, Samples, content_hash, sample_digests
+from .seal import SIZE, is_sealed, seal
 
 __all__ = [
     "Database", "Header", "Samples", "Writer", "content_hash", "describe_database", "open_database", "read_database",
@@ -167,6 +169,7 @@ class Writer:
     def _extend(self, draft: Path) -> None:
         """Make a copy of the HDF5 file with what the journal holds; OSError where there is no room."""
         rows = np.frombuffer(b"".join(self._rows), self._row)
+        sealed = not self.path.exists() or _is_sealed(self.path)
         if self.path.exists():
             shutil.copyfile(self.path, draft)
         else:
@@ -178,6 +181,8 @@ class Writer:
         with h5py.File(draft, "r+") as file:
             _extend(file, rows, self._failures)
             self._stored = len(file["samples/id"])
+        if sealed:
+            seal(draft)
 
     def close(self) -> None:
         """Move what the journal holds into the HDF5 file, and take the journal away."""
@@ -289,7 +294,7 @@ def _same(path: Path, found: Header, asked: Header) -> Header:
 
 
 def _create(path: Path, header: Header) -> None:
-    with h5py.File(path, "w") as file:
+    with h5py.File(path, "w", userblock_size=SIZE) as file:
         file.attrs["format"] = FORMAT
         for name, value in msgspec.structs.asdict(header).items():
             file.attrs[name] = value
@@ -324,19 +329,29 @@ def _extend(file: Any, rows: npt.NDArray[Any], failures: dict[int, str]) -> None
             dataset[old:] = values
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
-    """An HDF5 file that says it is a database of this schema; what h5py finds wrong in it names the file."""
+def _is_sealed(path: Path) -> bool:
+    """Whether a file has a seal, which is right, or is of an older version.
+
+    Raises:
+        DatabaseError: neither.
+    """
     try:
         check_regular(path, MOST_BYTES)
-        with path.open("rb") as start:
-            signature = start.read(8)
+        return is_sealed(path)
     except OutputError as error:
         raise DatabaseError(str(error)) from None
     except OSError as error:
         raise DatabaseError(f"{path}: cannot be read: {error.strerror}") from None
-    if signature != b"\x89HDF\r\n\x1a\n":
-        raise DatabaseError(f"{path}: is not a database of samples (not an HDF5 file)")
+    except ValueError as error:
+        raise DatabaseError(
+            f"{path}: is not a database of samples, or a damaged one ({error}); move it away and make it anew"
+        ) from None
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
+    """An HDF5 file that says it is a database of this schema; what h5py finds wrong in it names the file."""
+    _is_sealed(path)
     try:
         with h5py.File(path, "r") as file:
             if str(file.attrs.get("format", "")) != FORMAT:
@@ -345,7 +360,9 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
                 raise DatabaseError(f"{path}: is of schema {file.attrs['schema']}, not {SCHEMA}; make it anew")
             _check_stored(file)
             kinds = {field.name: field.type for field in msgspec.structs.fields(Header)}
-            yield file, Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
+            header = Header(**{name: kind(file.attrs[name]) for name, kind in kinds.items()})
+            msgspec.json.encode(header)  # a ValueError where it is no text
+            yield file, header
     except DatabaseError:
         raise
     except _DAMAGED as error:

@@ -4,7 +4,8 @@
     id,wheel_seed,axle_seed,packing_seed,levels,max_height,hurst_exponent,micro_friction,meso_friction,...
 
 It leaves out the heights. Generated faces follow from their seeds when it is read; envelopes of spheres do not, for
-they need the plates. The SHA-256 is of all that follows the first line.
+they need the plates. One SHA-256 is of all that follows the first line, and one of that
+line.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from macrofit.base.errors import OutputError
+from macrofit.base.errors import OutputError, shortened
 from macrofit.base.files import read_regular, replacing
 
 from ..errors import DatabaseError
@@ -39,6 +40,11 @@ class _About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     header: Header
     content_hash: str  # of the database, heights and all
     sha256: str
+    head_sha256: str = ""  # of this line with "" in this place; tables of older versions lack it
+
+    def digest(self) -> str:
+        """What head_sha256 must be."""
+        return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, head_sha256=""))).hexdigest()
 
 
 def write_table(database: Database, path: Path) -> None:
@@ -57,6 +63,7 @@ def write_table(database: Database, path: Path) -> None:
             rows.writerow(_as_text(column[i, k] if column.ndim == 2 else column[i]) for column in columns.values())
     body = text.getvalue().encode()
     about = _About(header, database.content_hash, hashlib.sha256(body).hexdigest())
+    about = msgspec.structs.replace(about, head_sha256=about.digest())
     with replacing(path) as draft:
         draft.write_bytes(SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body)
 
@@ -75,11 +82,11 @@ def read_table(path: Path) -> Database:
         raise DatabaseError(f"{path}: is no table of samples: its first line is not '{SIGNATURE.strip()} ...'")
     try:
         about = msgspec.json.decode(first[len(SIGNATURE) :], type=_About)
-        if hashlib.sha256(body).hexdigest() != about.sha256:
+        if hashlib.sha256(body).hexdigest() != about.sha256 or about.head_sha256 not in ("", about.digest()):
             raise DatabaseError(f"{path}: was changed or damaged after it was written: its digest differs; get it anew")
         samples = _samples(about.header, list(csv.DictReader(io.StringIO(body.decode()))))
     except (msgspec.DecodeError, ValueError, KeyError) as error:
-        raise DatabaseError(f"{path}: is a damaged table of samples ({error}); get it anew") from error
+        raise DatabaseError(f"{path}: is a damaged table of samples ({shortened(error)}); get it anew") from error
     return Database(about.header, samples, {}, about.content_hash)
 
 

@@ -18,7 +18,7 @@ import safetensors.torch
 import torch
 from torch import Tensor
 
-from macrofit.base.errors import OutputError
+from macrofit.base.errors import OutputError, shortened
 from macrofit.base.files import check_regular, replacing
 
 from ..data.samples import Plates
@@ -148,7 +148,7 @@ def load_checkpoint(path: Path) -> tuple[Model, Provenance]:
         entry = msgspec.json.decode(text, type=_Entry)
         provenance = msgspec.json.decode(entry.provenance, type=Provenance)
     except (msgspec.DecodeError, UnicodeError) as error:  # a ValidationError is a DecodeError
-        raise CheckpointError(f"{path}: its provenance cannot be read ({error}); train it anew") from error
+        raise CheckpointError(f"{path}: its provenance cannot be read ({shortened(error)}); train it anew") from error
     if provenance.schema != SCHEMA:
         raise CheckpointError(f"{path}: has schema {provenance.schema}, this version reads {SCHEMA}; train it anew")
     if checkpoint_digest(tensors, bytes(entry.provenance)) != entry.sha256:
@@ -191,12 +191,16 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
     try:
         with torch.device("meta"):  # no memory before the shapes are known to fit
             model: Model = provenance.options.build_network()
-        expected = {name: tuple(value.shape) for name, value in model.state_dict().items()}
+        expected = {name: (value.dtype, tuple(value.shape)) for name, value in model.state_dict().items()}
     except (RuntimeError, ValueError, TypeError, IndexError, ZeroDivisionError, OverflowError) as error:
         raise CheckpointError(f"{path}: cannot be built from its options: {error}") from error
     for name in sorted(expected.keys() | tensors.keys()):
-        if name not in expected or name not in tensors or expected[name] != tuple(tensors[name].shape):
-            what = "is not in it" if name not in tensors else "does not belong to it or has another shape"
+        if (
+            name not in expected
+            or name not in tensors
+            or expected[name] != (tensors[name].dtype, tuple(tensors[name].shape))
+        ):
+            what = "is not in it" if name not in tensors else "does not belong to it or has another shape or type"
             raise CheckpointError(f"{path}: is no network '{provenance.architecture}': {name} {what}")
     model.load_state_dict(tensors, assign=True)
     model.requires_grad_(False)

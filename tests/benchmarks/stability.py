@@ -107,7 +107,7 @@ def renumbered(data: MeshData, rng: np.random.Generator) -> MeshData:
     triangles = rng.permutation(number[data.triangles])
     turned = np.stack([np.roll(triangle, rng.integers(3)) for triangle in triangles])
     edges = {name: rng.permutation(number[pairs])[:, :: int(rng.choice([1, -1]))] for name, pairs in data.edges.items()}
-    return MeshData(data.points[points], turned, edges)
+    return MeshData(points=data.points[points], triangles=turned, edges=edges)
 
 
 def run(case: Case, bodies: Bodies) -> Run:

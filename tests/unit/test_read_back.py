@@ -40,9 +40,9 @@ scenes = st.fixed_dictionaries(
             {
                 "seat_radius": lengths(90.0, 110.0),
                 "seat_length": lengths(100.0, 200.0),
-                "tail_length": lengths(0.0, 90.0),
+                "tail_length": st.just(0.0) | lengths(1e-3, 90.0),
             },
-            optional={"inner_radius": lengths(0.0, 40.0), "taper_height": st.just(0.0)},
+            optional={"inner_radius": st.just(0.0) | lengths(1e-3, 40.0), "taper_height": st.just(0.0)},
         ),
         "wheel": st.fixed_dictionaries(
             {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 import pytest
@@ -111,3 +112,14 @@ def test_a_file_of_no_stated_size_is_not_read_without_end(monkeypatch: pytest.Mo
     assert read_regular(plain, 100_000)
     with pytest.raises(OutputError, match=r"is larger than 10 bytes, the most for a file of its kind \(more\)"):
         read_regular(plain, 10)
+
+
+def test_a_bound_takes_no_memory(tmp_path: Path) -> None:
+    """A journal may have 20 GB, and that much was asked for to read one of a few bytes."""
+    (tmp_path / "small").write_bytes(b"12345")
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (2 * 10**10, before[1]))
+    try:
+        assert read_regular(tmp_path / "small", 2 * 10**12) == b"12345"
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import warnings
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -403,7 +405,7 @@ def pressed(
 def moved(body: str, r: float = 0.0, z: float = 0.0) -> MeshData:
     """A shipped mesh, moved [mm]; an axle moves off its axis."""
     data = read_mesh(str(MESHES / f"{body}.msh"), body)
-    return MeshData(data.points + np.array([r, z]), data.triangles, data.edges)
+    return replace(data, points=data.points + np.array([r, z]))
 
 
 def test_mesh_scenes_are_judged_by_their_gap(tmp_path: Path) -> None:
@@ -429,3 +431,12 @@ def test_a_bore_narrower_than_the_axle_s_end_is_refused(tmp_path: Path) -> None:
     narrow = pressed(tmp_path, wheel=moved("wheel", r=-1.8), start=-30.0)
     with pytest.raises(SceneError, match=r"the bore's mouth, .* is narrower than the axle where it enters"):
         first_touch(narrow)
+
+
+@pytest.mark.parametrize("size", ["seat_facet", "bore_facet", "coarse", "corner_facet", "growth"])
+def test_absurd_sizes_of_elements_are_counted_without_a_word(size: str) -> None:
+    """Facets of 1e300 mm: each piece of the outline is one, and numpy warned of an overflow."""
+    scene = load_scene("lame-rings", [f"mesh.{size}=1e300"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert first_touch(scene) == 40.0

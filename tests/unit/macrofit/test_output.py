@@ -25,7 +25,9 @@ from macrofit.results import folder as output
 from macrofit.results import summary as report
 from macrofit.results.verdict import verdict as press_fit_verdict
 from macrofit.scene import build_scene, load_scene
+from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
+from macrofit.stress import _fields_at
 
 HEADER = (
     "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,"
@@ -410,3 +412,11 @@ def test_a_uniform_run_has_no_pairs(tmp_path):
     with h5py.File(tmp_path / "interface.h5") as file:
         assert "pairs" not in file
     assert tmp_path / "friction.png" not in plots.write_figures(tmp_path, solution)
+
+
+def test_more_frames_than_increments_are_all_of_them() -> None:
+    """2^63 - 1 of them were an IndexError, after the last increment."""
+    travels = fake_scene().displacements
+    for frames in (len(travels), 2 * len(travels), 2**63 - 1):
+        scene = msgspec.structs.replace(fake_scene(), output=OutputKeys(frames=frames))
+        assert _fields_at(scene, travels) == list(range(len(travels)))

@@ -246,6 +246,24 @@ def test_fields_are_drawn_where_they_are_asked_for(scene_file):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("spoil", [lambda data: data[:-9], lambda data: data[:300] + b"x" + data[301:], None])
+def test_fields_that_are_damaged_or_gone_are_computed_again(scene_file, spoil):
+    """A damaged file was a traceback of zipfile, and for ever; one that was gone was left out in silence."""
+    vary = ("--vary", "friction.options.coefficient=0.1,0.2", "--set", "output.fields_at=[40]")
+    assert macrofit("study", scene_file, *vary, "-o", "out").exit_code == 0
+    first, second = sorted(Path("out/fields").iterdir())
+    whole, other = first.read_bytes(), second.stat().st_mtime_ns
+    if spoil is None:
+        first.unlink()
+    else:
+        first.write_bytes(spoil(whole))
+    again = macrofit("study", scene_file, *vary, "-o", "out", "--resume")
+    assert again.exit_code == 0, again.stderr
+    assert ("damaged" in again.stderr) == (spoil is not None)
+    assert len(first.read_bytes()) == len(whole)
+    assert second.stat().st_mtime_ns == other
+
+
 def test_keep_writes_the_folder_of_each_run(scene_file):
     vary = ("--vary", "friction.options.coefficient=0.1,0.2")
     assert macrofit("study", scene_file, *vary, "--keep", "-o", "out").exit_code == 0

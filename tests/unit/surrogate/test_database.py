@@ -10,7 +10,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from macrofit.base.log import frame
 from surrogate.data import database, journal
 from surrogate.data.database import Header, Samples, content_hash, describe_database, open_database, read_database
 from surrogate.data.journal import journal_of
+from surrogate.data.seal import HDF5, seal
 from surrogate.errors import DatabaseError
 
 HEADER = Header(
@@ -185,6 +187,14 @@ def test_a_kill_between_file_and_journal_doubles_nothing(tmp_path):
     assert os.listdir(tmp_path) == ["a.h5"]
 
 
+@contextmanager
+def changed(path: Path) -> Iterator[h5py.File]:
+    """An HDF5 file to be changed, whose seal is then made anew: what else is wrong with it must be told."""
+    with h5py.File(path, "r+") as file:
+        yield file
+    seal(path)
+
+
 def foreign_hdf5(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["samples"] = np.zeros(3)
@@ -192,26 +202,52 @@ def foreign_hdf5(path: Path) -> None:
 
 def other_schema(path: Path) -> None:
     fill(path, [0])
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["schema"] = 99
 
 
 def lacks_a_field(path: Path) -> None:
     fill(path, [0])
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         del file["samples/uncertainty"]
 
 
 def another_number(path: Path) -> None:
     fill(path, [0, 1])
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file["samples/meso_friction"][1, 1] += 1e-9
 
 
 def doubled(path: Path) -> None:
     fill(path, [0])
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         database._extend(file, np.frombuffer(row(0), HEADER.row()), {})
+
+
+def other_plates(path: Path) -> None:
+    fill(path, [0])
+    with h5py.File(path, "r+") as file:
+        file.attrs["settings"] = HEADER.settings.replace("500", "501")
+
+
+def another_reason(path: Path) -> None:
+    with open_database(path, HEADER) as (writer, _):
+        writer.append(row(0))
+        writer.fail(1, "no equilibrium")
+    with h5py.File(path, "r+") as file:
+        file["failures/id"][0] = 2
+
+
+def header_that_is_no_text(path: Path) -> None:
+    fill(path, [0])
+    with changed(path) as file:
+        file.attrs["settings"] = b"\xff\xfe"
+
+
+def another_time(path: Path) -> None:
+    fill(path, [0])
+    with h5py.File(path, "r+") as file:
+        file["samples/cpu_s"][0] *= 2.0
 
 
 def cut_in_half(path: Path) -> None:
@@ -234,8 +270,12 @@ BAD = {
     lacks_a_field: "damaged",
     another_number: "does not match its checksum",
     doubled: "twice",
-    cut_in_half: "damaged",
-    cut_in_its_head: "damaged",
+    other_plates: "its check sum is wrong",
+    another_reason: "its check sum is wrong",
+    header_that_is_no_text: "damaged",
+    another_time: "its check sum is wrong",
+    cut_in_half: "its check sum is wrong",
+    cut_in_its_head: "its check sum is wrong",
     pickled: "not an HDF5 file",
     Path.touch: "not an HDF5 file",
     Path.mkdir: "cannot be read",
@@ -254,6 +294,30 @@ def test_what_is_no_whole_database_is_refused_by_name(spoil, message, tmp_path):
             fill(path, [0])
         assert path.is_dir() or path.read_bytes() == before
         assert os.listdir(tmp_path) == ["a.h5"]
+
+
+def test_flipped_bits_of_the_layout_end_in_a_line(tmp_path: Path) -> None:
+    """Where HDF5 opened the file first, one in 300 ended the process in HDF5 itself."""
+    fill(tmp_path / "a.h5", list(range(3)))
+    whole = (tmp_path / "a.h5").read_bytes()
+    rng = np.random.default_rng(3)
+    for place in [*rng.integers(0, 12_000, 200), *rng.integers(0, len(whole), 20)]:
+        spoilt = bytearray(whole)
+        spoilt[place] ^= 1 << int(rng.integers(8))
+        (tmp_path / "a.h5").write_bytes(spoilt)
+        with pytest.raises(DatabaseError, match=r"check sum|not an HDF5 file"):
+            read_database(tmp_path / "a.h5")
+
+
+def test_a_database_of_an_older_version_is_read_and_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has no seal, and gets none."""
+    with monkeypatch.context() as before:
+        before.setattr(database, "SIZE", 0)
+        before.setattr(database, "seal", lambda path: None)
+        fill(tmp_path / "a.h5", [0, 1])
+    assert (tmp_path / "a.h5").read_bytes().startswith(HDF5)
+    assert fill(tmp_path / "a.h5", [0, 1, 2]) == {0, 1}
+    assert ids(tmp_path / "a.h5") == [0, 1, 2]
 
 
 def test_none_there(tmp_path):

@@ -242,6 +242,7 @@ def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
         (lambda text: text[:-40], "changed or damaged"),
         (lambda text: b"\x89HDF\r\n" + text, "is no table"),
         (lambda text: text.replace(b'"header"', b'"head"', 1), "damaged table"),
+        (lambda text: text.replace(b'"content_hash":"hash"', b'"content_hash":"bash"', 1), "changed or damaged"),
     ],
 )
 def test_a_table_that_was_touched_is_refused(spoil, message, tmp_path) -> None:
