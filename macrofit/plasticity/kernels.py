@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from ..base.caches import ensure_cache
+from ..base.compiled import check_compiled
 
 ensure_cache()  # numba looks for it where a kernel is declared
 
@@ -114,3 +115,6 @@ def follow(path, strain, accumulated, back, radius, strains, gains, moduli, reca
                 for i in range(backs):
                     grown = -math.expm1(-recalls[i] * dp) / recalls[i] if recalls[i] > 0.0 else dp
                     back[point, i, c] = back[point, i, c] * fade[i] + moduli[i] * grown * normal
+
+
+check_compiled(follow)
