@@ -15,11 +15,14 @@ from .contact.seat import Seat
 from .errors import SceneError
 from .friction import BuildContext, FrictionField, ScriptFriction, build_provider
 from .parallel import SharedAsk, owner
+from .plasticity.material import hardening
 from .press import TILE, Engine, tiles
 from .scene.keys import Scene
 
 if TYPE_CHECKING:
     from .bodies.stress import StressEvaluator
+    from .plasticity.body import PlasticBody
+    from .plasticity.yielding import Yielding
 
 BODY_KEYS = ("axle", "wheel", "mesh", "contact", "solver")
 """The tables and keys of a scene that the bodies and their contact lines depend on."""
@@ -37,6 +40,7 @@ class Assembly:
     wheel: CondensedBody
     engine: Engine
     evaluators: dict[str, StressEvaluator] = field(default_factory=dict)  # made when stresses are first asked for
+    plastic: dict[str, PlasticBody] = field(default_factory=dict)  # made when steel may yield
 
     @property
     def dofs(self) -> int:
@@ -144,6 +148,22 @@ def friction_field(
     stated = script is not None and script.digest is not None
     fingerprint = script.fingerprint(options) if script is not None and stated else ""
     return FrictionField(provider, name, SharedAsk(comm, name), fingerprint=fingerprint)
+
+
+def yielding_of(scene: Scene, assembly: Assembly) -> Yielding | None:
+    """The bodies that may yield, each on its rank; None where none can, and nothing is made for it."""
+    laws = {name: hardening(body.material) for name, body in (("axle", scene.axle), ("wheel", scene.wheel))}
+    names = tuple(name for name, law in laws.items() if law is not None)
+    if not names:
+        return None
+    from .plasticity.body import PlasticBody
+    from .plasticity.yielding import Yielding
+
+    for name in names:
+        law = laws[name]
+        if law is not None and name not in assembly.plastic and owner(assembly.comm, name) == assembly.comm.rank:
+            assembly.plastic[name] = PlasticBody(assembly.bodies[name], law)
+    return Yielding(assembly.comm, assembly.plastic, names)
 
 
 def engine_of(scene: Scene, seat: Seat, axle: CondensedBody, wheel: CondensedBody, bodies: dict[str, Body]) -> Engine:

@@ -4,36 +4,40 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from .base.arrays import FloatArray, IntArray
+from .base.arrays import FloatArray
 from .bodies.body import ContactLine
+from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
-from .contact.newton import RESIDUAL, LinearProblem, Report, newton
-from .contact.release import release
+from .contact.newton import LinearProblem, Report, newton, settled_status
+from .contact.release import FIRST_WAY, let_go, release
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
+from .state import State, Step, accepted
+
+if TYPE_CHECKING:
+    from .plasticity.yielding import Loads, Settled, Yielding
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
 
+PARTS = 16
+"""Steps in which the press lets go, the first the shortest: force and slip change most at once."""
+
+HELD = 1e-9
+"""Force from outside over the loads of the contact below which the press holds nothing: a mesh leaves 2e-10."""
+
 TILE = 1.0  # mm, length of a friction tile
-
-NO_SLIP = 1e-6
-"""Slip below this share of the motion is none: the facet sticks, wherever in the cone its traction is.
-
-A traction that is kept at the cone's edge slips by 1e-8 of the motion (`push-out`, by the sleeve's own flexibility),
-the first facet that slip reaches by 1e-3.
-"""
 
 
 class Engine(Protocol):
@@ -46,55 +50,20 @@ class Engine(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class State:
-    """Everything an increment starts from."""
-
-    displacement: float
-    direction: float  # sign of the last motion
-    seat_displacement: FloatArray  # (2 loaded nodes,) [mm]
-    bore_displacement: FloatArray  # (2 bore nodes,) [mm]
-    seat_load: FloatArray  # (2 loaded nodes,) [N]
-    bore_load: FloatArray  # (2 bore nodes,) [N]
-    pressure: FloatArray  # (facets,) [MPa]
-    accumulated_slip: FloatArray  # (facets,) [mm]
-    kind: IntArray  # (facets, moments) status
-    sign: IntArray  # (facets, moments) of the slip
-    kappa: FloatArray  # (facets, moments) see `contact.law`
-    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
-
-    def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The state as named arrays, for a journal."""
-        return {name: np.asarray(getattr(self, name)) for name in self.__dataclass_fields__}
-
-    @staticmethod
-    def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
-        """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
-        own = {name: arrays[name] for name in State.__dataclass_fields__}
-        return State(**{**own, **scalars})  # type: ignore[arg-type]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """The trial of one displacement; its state counts where Newton's method converged."""
-
-    state: State
-    report: Report
-    facets: FacetState
-    force: float
-    normal_force: float
-    friction_force: float  # axial resultant of the tangential traction
-    friction_bound: float  # integral of friction * pressure
-    strain_energy: float
-    dissipation: float
-
-
 class Press:
     """A press-fit: the two contact lines, an engine, the friction field, and one increment at a time."""
 
-    def __init__(self, scene: Scene, seat: Seat, bore: ContactLine, engine: Engine, friction: FrictionField) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        seat: Seat,
+        bore: ContactLine,
+        engine: Engine,
+        friction: FrictionField,
+        yielding: Yielding | None = None,
+    ) -> None:
         self.scene, self.seat, self.bore, self.engine, self.friction = scene, seat, bore, engine, friction
+        self.yielding = yielding
 
     def rest(self) -> State:
         """The undeformed state before the first increment."""
@@ -103,6 +72,7 @@ class Press:
         return State(
             displacement=self.scene.displacements[0],
             direction=0.0,
+            friction_force=0.0,
             seat_displacement=np.zeros(2 * self.seat.loaded),
             bore_displacement=np.zeros(2 * len(self.bore.nodes)),
             seat_load=np.zeros(2 * self.seat.loaded),
@@ -113,6 +83,7 @@ class Press:
             sign=moments,
             kappa=moments.astype(np.float64),
             held=moments.astype(np.float64),
+            flow=None if self.yielding is None else self.yielding.rest(),
         )
 
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
@@ -124,9 +95,68 @@ class Press:
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
-            steps, cutbacks = self.advance_to(state, displacement)
-            state = steps[-1].state
-            yield _record(index, steps, cutbacks, time.perf_counter() - started), state
+            before, (steps, cutbacks) = state, self.advance_to(state, displacement)
+            state = self._committed(before, steps[-1].state)
+            yield accepted(index, before, steps, cutbacks, time.perf_counter() - started), state
+        planned = len(self.scene.displacements)
+        held = abs(state.axial_force) > HELD * float(np.abs(state.seat_load).sum())
+        if self.scene.motion.release and first <= planned and held:
+            started = time.perf_counter()
+            steps, cutbacks = self.release(state)
+            after = self._committed(state, steps[-1].state)
+            yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started), after
+
+    def release(self, state: State) -> tuple[list[Step], int]:
+        """The steps in which the press lets go, and their cutbacks: the wheel moves back until no force is left.
+
+        How far, one step tells. The way is then gone in `PARTS`, for friction reverses along it from the ends of the fit.
+
+        Raises:
+            ConvergenceError: there is no such displacement, or no equilibrium at it.
+        """
+        way = self._let_go(state).state.displacement - state.displacement
+        steps: list[Step] = []
+        cutbacks, here = 0, state
+        for part in range(1, PARTS):
+            more, cut = self.advance_to(here, state.displacement + way * (part / PARTS) ** 2)
+            if more[-1].force * state.axial_force <= 0.0:
+                break
+            steps, cutbacks, here = steps + more, cutbacks + cut, more[-1].state
+        left = abs(state.displacement + way - here.displacement)
+        return [*steps, self._let_go(here, 0.5 * left)], cutbacks
+
+    def _let_go(self, state: State, first: float = FIRST_WAY) -> Step:
+        """The single step to where no force is left."""
+
+        def fit_at(displacement: float) -> Step:
+            return self.trial(state, displacement)
+
+        free = let_go(fit_at, state.displacement, state.axial_force, first)
+        if free is None:
+            free = let_go(fit_at, state.displacement, state.axial_force)
+        if free is None or not free.report.converged:
+            raise ConvergenceError(
+                f"motion.release: no displacement without force was found from {state.displacement:.6g} mm on; "
+                f"leave release out, and move the wheel back by motion.displacements"
+            )
+        return free
+
+    def _committed(self, before: State, after: State) -> State:
+        """The state after an increment; where steel may yield, with what changed in it."""
+        if self.yielding is None or before.flow is None or after.flow is None:
+            return after
+        flow, changes = self.yielding.increment(before.flow, after.flow, after.displacement - before.displacement)
+        return replace(after, flow=flow, changes=changes)
+
+    def resumed(self, states: list[State]) -> State:
+        """The state to go on from after those of a journal."""
+        if not states:
+            return self.rest()
+        if self.yielding is None:
+            return states[-1]
+        before = states[-2].displacement if len(states) > 1 else self.scene.displacements[0]
+        changes = [state.changes or {} for state in states]
+        return replace(states[-1], flow=self.yielding.restored(changes, states[-1].displacement - before))
 
     def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
@@ -202,7 +232,10 @@ class Press:
 
         step = release(fit_at, -float(coupling.gap.min()) / shrunk.normal_force)
         iterations = sum(each.report.iterations for each in steps)
-        return replace(step, report=replace(step.report, iterations=iterations))
+        settled = step.settled
+        if settled is not None and shrunk.settled is not None and step is not shrunk:
+            settled = replace(settled, work=settled.work + shrunk.settled.work)
+        return replace(step, report=replace(step.report, iterations=iterations), settled=settled)
 
     def _solve(
         self,
@@ -216,19 +249,62 @@ class Press:
         covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
-        approach = np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old])
         contact = ContactProblem(
             covered=covered,
             coupling=coupling,
-            approach=approach,
+            undeformed=np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old]),
             radial=self.seat.line.radial,
             nitsche=self.seat.nitsche,
         )
         friction = facet_friction[covered.facet]
         guess = self._first_guess(state, contact, friction, moved)
+        kappa = self._first_kappa(state, contact)
         problem = self.engine.problem(contact)
-        report = newton(problem, friction, guess, self._first_kappa(state, contact))
-        return self._step(state, displacement, moved, contact, friction, report, problem.displacements(report.answer))
+        if self.yielding is None:
+            report, settled = newton(problem, friction, guess, kappa), None
+            moved_to = problem.displacements(report.answer)
+        else:
+            report, contact, settled = self._settle(state, moved, problem, friction, guess, kappa)
+            moved_to = self._with_eigen(problem.displacements(report.answer), settled)
+        return self._step(state, displacement, moved, contact, friction, report, moved_to, settled)
+
+    def _settle(
+        self,
+        state: State,
+        moved: float,
+        problem: LinearProblem,
+        friction: FloatArray,
+        status: Status,
+        kappa: FloatArray,
+    ) -> tuple[Report, ContactProblem, Settled]:
+        """Contact and plastic strains that fit each other."""
+        assert self.yielding is not None
+        assert state.flow is not None
+        undeformed = problem.contact
+        reports: list[Report] = []
+
+        def contact(eigen: dict[str, Eigen]) -> Loads:
+            """Solve for what the plastic strains do, from the status before."""
+            problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
+            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (status, kappa)
+            reports.append(newton(problem, friction, *start))
+            return problem.contact.loads(reports[-1].answer.total)
+
+        settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
+        report, spent = reports[-1], sum(each.iterations for each in reports)
+        converged = report.converged and settled.converged
+        return replace(report, iterations=spent, converged=converged), problem.contact, settled
+
+    def _with_eigen(
+        self, displacements: tuple[FloatArray, FloatArray], settled: Settled
+    ) -> tuple[FloatArray, FloatArray]:
+        """Whole displacements of the loaded and the bore's nodes."""
+        seat, bore = displacements
+        if "axle" in settled.eigen:
+            seat = seat + settled.eigen["axle"].displacement.reshape(2, -1)[:, : self.seat.loaded].ravel()
+        if "wheel" in settled.eigen:
+            bore = bore + settled.eigen["wheel"].displacement
+        return seat, bore
 
     def _first_guess(self, state: State, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
         """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
@@ -305,6 +381,7 @@ class Press:
         friction: FloatArray,
         report: Report,
         displacements: tuple[FloatArray, FloatArray],
+        settled: Settled | None,
     ) -> Step:
         """What a trial leaves: the next state, resultants and energies."""
         answer, weight = report.answer, contact.covered.weight
@@ -314,9 +391,11 @@ class Press:
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
         status = settled_status(report, contact, friction, slip, moved)
         facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
+        friction_force = float(weight @ (answer.traction[1] * contact.covered.normals[:, 0]))
         after = State(
             displacement=displacement,
             direction=float(np.sign(moved)) or state.direction,
+            friction_force=friction_force,
             seat_displacement=displacements[0],
             bore_displacement=displacements[1],
             seat_load=seat_load,
@@ -327,6 +406,7 @@ class Press:
             sign=self._by_moment(contact, report.status.sign).astype(np.int64),
             kappa=self._by_moment(contact, answer.kappa),
             held=self._by_moment(contact, held),
+            flow=None if settled is None else settled.flow,
         )
         pressure = -answer.traction[0]
         return Step(
@@ -335,10 +415,11 @@ class Press:
             facets=facets,
             force=contact.axial_force(answer.total),
             normal_force=float(weight @ pressure),
-            friction_force=float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
+            friction_force=friction_force,
             friction_bound=float(weight @ (friction * pressure)),
-            strain_energy=self._strain_energy(after),
+            strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
+            settled=settled,
         )
 
     def _strain_energy(self, state: State) -> float:
@@ -387,25 +468,25 @@ class Press:
         )
 
     def _apart(self, state: State, displacement: float) -> Step:
-        """The bodies face each other nowhere: everything is zero."""
+        """The bodies face each other nowhere: everything is zero, but what plastic strains leave."""
         rest = self.rest()
-        after = State(
-            **{
-                **rest.arrays(),
-                "displacement": displacement,
-                "direction": state.direction,  # type: ignore[arg-type]
-                "accumulated_slip": state.accumulated_slip,
-            }
+        after = replace(
+            rest, displacement=displacement, direction=state.direction, accumulated_slip=state.accumulated_slip
         )
+        settled = None
+        if self.yielding is not None and state.flow is not None:
+            loads, none = (state.seat_load, state.bore_load), (rest.seat_load, rest.bore_load)
+            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
+            seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
+            after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
         zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
-        none = Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8))
         report = Report(
             answer=LinearSolution(nothing, nothing, nothing, np.zeros(0)),
-            status=none,
+            status=Status(np.zeros(0, dtype=np.int8), np.zeros(0, dtype=np.int8)),
             iterations=0,
             residual=0.0,
-            converged=True,
+            converged=settled is None or settled.converged,
         )
         facets = FacetState(
             pressure=zero,
@@ -424,42 +505,10 @@ class Press:
             normal_force=0.0,
             friction_force=0.0,
             friction_bound=0.0,
-            strain_energy=0.0,
+            strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
+            settled=settled,
         )
-
-
-def settled_status(
-    report: Report, contact: ContactProblem, friction: FloatArray, slip: FloatArray, moved: float
-) -> StatusArray:
-    """Status of each moment by its slip [mm]: one that friction holds without slip in this motion [mm] sticks."""
-    asked = report.status.kind
-    unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
-    slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
-    return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)
-
-
-def _record(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
-    last = steps[-1]
-    return Increment(
-        index=index,
-        displacement=last.state.displacement,
-        force=last.force,
-        normal_force=last.normal_force,
-        friction_force=last.friction_force,
-        mean_friction=last.friction_bound / last.normal_force if last.normal_force else 0.0,
-        max_pressure=float(last.facets.pressure.max(initial=0.0)),
-        active_facets=int((last.facets.status != OPEN).sum()),
-        sticking_facets=int((last.facets.status == STICK).sum()),
-        newton_iterations=sum(step.report.iterations for step in steps),
-        cutbacks=cutbacks,
-        residual=last.report.residual,
-        converged=last.report.converged,
-        strain_energy=last.strain_energy,
-        dissipation=sum(step.dissipation for step in steps),
-        wall_s=wall_s,
-        facets=last.facets,
-    )
 
 
 def tiles(coordinate: FloatArray) -> int:

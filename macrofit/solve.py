@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
 
-from .assembly import Assembly, assemble, friction_field
+from .assembly import Assembly, assemble, friction_field, yielding_of
 from .base.foreign import foreign_code
 from .base.ranks import raise_together
 from .bodies.approach import check_approach
@@ -16,10 +17,11 @@ from .bodies.outlook import overlap
 from .friction import FrictionField, GivenFriction, ScriptFriction
 from .monitor import Monitor, Silent
 from .parallel import summed
-from .press import Press, State
+from .press import Press
 from .results.agreement import agree
 from .scene import Scene, with_script_friction
 from .solution import Increment, Journal, Solution, energy_balance, force_balance
+from .state import State
 from .stress import Stresses, evaluate_stresses
 
 
@@ -65,23 +67,23 @@ def solve(
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
     check_approach(scene, seat.line.side, wheel.line.side)
     field = friction_field(scene, comm, seat, wheel, script)
-    press, engaged = Press(scene, seat, wheel.line, engine, field), engine.factorisations
+    press = Press(scene, seat, wheel.line, engine, field, yielding_of(scene, assembly))
+    engaged = engine.factorisations
     clock.append(time.process_time())
 
-    monitor.started(scene, len(scene.displacements), assembly.dofs)
+    monitor.started(scene, len(scene.displacements) + scene.motion.release, assembly.dofs)
     increments, states = advance(press, comm, monitor, journal)
     clock.append(time.process_time())
 
-    stresses = evaluate_stresses(scene, assembly, states)
+    stresses = evaluate_stresses(scene, assembly, states, increments)
     clock.append(time.process_time())
     monitor.finished()
 
     counters = {
         "factorisations": assembly.factorisations - factored + stresses.factorisations,
         "interface_factorisations": engine.factorisations - engaged,
-        **_counters(increments, stresses, field),
-        **summed(comm, _counted(field, comm)),
-    }
+        **_counters(increments, stresses, field), **summed(comm, _counted(field, comm)),
+    }  # fmt: skip
     return _solution(press, assembly, increments, stresses, clock, counters)
 
 
@@ -140,6 +142,8 @@ def _solution(
         friction=press.pair_friction(),
         interference=deepest_overlap(press, increments) if press.scene.interference is None else None,
         bore_ends=press.tiling.bore_ends,
+        flowed=stresses.flowed,
+        beyond_yield=stresses.beyond_yield,
     )
 
 
@@ -162,12 +166,12 @@ def advance(
     increments = [record for record, _ in kept]
     states = [State.restored(arrays) for _, arrays in kept]
     press.friction.recall(arrays for _, arrays in kept)
-    for record, state in press.increments(states[-1] if states else press.rest(), len(states)):
+    for record, state in press.increments(press.resumed(states), len(states)):
         arrays = state.arrays() | press.friction.news()
         with raise_together(comm):
             if journal is not None and comm.rank == 0:
                 journal.append(record, arrays)
             monitor.increment(record)
         increments.append(record)
-        states.append(state)
+        states.append(replace(state, flow=None))
     return increments, states

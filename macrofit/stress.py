@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .assembly import Assembly
-from .base.arrays import FloatArray
+from .base.arrays import BoolArray, FloatArray
 from .base.ranks import raise_together
-from .bodies.body import Body
 from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
 from .parallel import owner
-from .press import State
+from .plasticity.material import yield_stress
 from .scene.keys import Scene
-from .solution import BodyField, Extreme
+from .solution import BodyField, Extreme, Increment, YieldZone
+from .state import State
+
+if TYPE_CHECKING:
+    from .plasticity.history import FlowHistory
 
 _BATCH = 32  # right-hand sides at once
 
@@ -28,17 +32,29 @@ class Stresses:
     extremes: dict[str, Extreme]
     fields: dict[float, dict[str, BodyField]]
     reactions: dict[str, FloatArray]  # body -> axial force of its support at each increment [N], NaN if not computed
+    flowed: dict[str, YieldZone]
+    beyond_yield: dict[str, YieldZone]
     factorisations: int
     back_substitutions: int
 
 
-def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State]) -> Stresses:
+def evaluate_stresses(
+    scene: Scene, assembly: Assembly, states: Sequence[State], increments: Sequence[Increment]
+) -> Stresses:
     """The largest von Mises stress over the run and the fields the scene asks for. Collective."""
     comm = assembly.comm
     travels = [state.displacement for state in states]
     wanted = _fields_at(scene, travels)
     if not states or not (scene.output.stress or wanted):
-        return Stresses(extremes={}, fields={}, reactions={}, factorisations=0, back_substitutions=0)
+        return Stresses(
+            extremes={},
+            fields={},
+            reactions={},
+            flowed={},
+            beyond_yield={},
+            factorisations=0,
+            back_substitutions=0,
+        )
     found: dict[str, _BodyStresses] = {}
     with raise_together(comm):
         for name, body in assembly.bodies.items():
@@ -46,13 +62,20 @@ def evaluate_stresses(scene: Scene, assembly: Assembly, states: Sequence[State])
                 if name not in assembly.evaluators:
                     assembly.evaluators[name] = StressEvaluator(body)
                 loads = [state.seat_load if name == "axle" else state.bore_load for state in states]
-                evaluator = assembly.evaluators[name]
-                found[name] = _evaluate(evaluator, loads, travels, wanted, everywhere=scene.output.stress)
+                evaluator, flow = assembly.evaluators[name], None
+                if name in assembly.plastic:
+                    from .plasticity.history import FlowHistory
+
+                    flow = FlowHistory(assembly.plastic[name], [(state.changes or {}).get(name) for state in states])
+                tractions = {k: _line_traction(assembly, name, increments[k]) for k in wanted}
+                found[name] = _evaluate(evaluator, loads, travels, tractions, flow, everywhere=scene.output.stress)
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
         extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
         fields={travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
         reactions={name: part.reactions for name, part in both.items()},
+        flowed={name: part.zone for name, part in both.items() if part.zone and part.yields},
+        beyond_yield={name: part.zone for name, part in both.items() if part.zone and not part.yields},
         factorisations=sum(part.factorisations for part in both.values()),
         back_substitutions=sum(part.back_substitutions for part in both.values()),
     )
@@ -63,8 +86,7 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
     if not scene.output.fields or not travels:
         return []
     asked = scene.output.fields_at
-    at = [travels[-1]] if asked is None else list(asked)
-    numbers = {int(np.abs(np.array(travels) - u).argmin()) for u in at}
+    numbers = {len(travels) - 1} if asked is None else {int(np.abs(np.array(travels) - u).argmin()) for u in asked}
     numbers |= {int(k) for k in np.linspace(0, len(travels) - 1, min(scene.output.frames, len(travels))).round()}
     return sorted(numbers)
 
@@ -74,6 +96,8 @@ class _BodyStresses:
     extreme: Extreme | None
     fields: dict[int, BodyField]
     reactions: FloatArray
+    zone: YieldZone | None
+    yields: bool
     factorisations: int
     back_substitutions: int
 
@@ -82,55 +106,116 @@ def _evaluate(
     evaluator: StressEvaluator,
     loads: Sequence[FloatArray],
     travels: Sequence[float],
-    wanted: Sequence[int],
+    tractions: dict[int, FloatArray],
+    flow: FlowHistory | None,
     *,
     everywhere: bool,
 ) -> _BodyStresses:
     body = evaluator.body
     factored, solved = body.factorisations, body.back_substitutions
-    loaded = [k for k, load in enumerate(loads) if load.any()]  # where none is, nothing is displaced
+    flowed = [False] * len(loads) if flow is None else flow.any
+    loaded = [k for k, load in enumerate(loads) if load.any() or flowed[k]]  # where none is, nothing is displaced
     reactions = np.zeros(len(loads))
     reactions[loaded] = np.nan
     fields: dict[int, BodyField] = {}
     best: Extreme | None = None
-    numbers = sorted({*wanted, *(loaded if everywhere else ())}) or [0]
+    stated = yield_stress(body.material)
+    beyond = np.zeros(len(evaluator.places), dtype=bool)
+    numbers = sorted({*tractions, *(loaded if everywhere else ())}) or [0]
     for start in range(0, len(numbers), _BATCH):
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)
         displacement = body.back_substitute(forces)
-        reactions[batch] = body.reaction(displacement, forces)
+        inner, accumulated = None, None
+        if flow is not None:
+            strains, accumulated = flow.at(batch)
+            inner = flow.loads(strains)
+            displacement += body.solve(inner)
+        reactions[batch] = body.reaction(displacement, forces, inner)
         stress = evaluator.stress(displacement)
+        if flow is not None:
+            stress -= flow.stresses(strains)
         if everywhere:
-            best = _larger(best, body, evaluator, stress, [travels[k] for k in batch])
-        for k in set(batch) & set(wanted):
-            column = batch.index(k)
-            fields[k] = _field(body, evaluator, displacement[:, column], stress[:, :, column], travels[k])
+            equivalent = von_mises(stress)
+            best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
+            if flow is None and stated is not None:
+                beyond |= (equivalent > stated).any(axis=1)
+        for k in set(batch) & set(tractions):
+            at = batch.index(k)
+            plastic = None if accumulated is None else accumulated[:, at]
+            fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], plastic, travels[k])
     return _BodyStresses(
         extreme=best,
         fields=fields,
         reactions=reactions,
+        zone=_zone(evaluator, best, beyond, stated)
+        if flow is None
+        else _flow_zone(evaluator, flow.at([len(loads) - 1])[1][:, 0], travels[-1]),
+        yields=flow is not None,
         factorisations=body.factorisations - factored,
         back_substitutions=body.back_substitutions - solved,
     )
 
 
+def _line_traction(assembly: Assembly, name: str, record: Increment) -> FloatArray:
+    """Traction (t_r, t_z) [MPa] in the middle of each facet of a body's contact line, (facets, 2).
+
+    The bore has the opposite of what the seat has at the same place, linear between the middles of the seat's facets.
+    """
+    seat, pressure, shear = assembly.seat.line, record.facets.pressure, record.facets.traction
+    normals = seat.normals
+    if name == "wheel":
+        bore = assembly.wheel.line
+        moved = record.displacement if bore.radial else 0.0
+        place, there = (0.5 * (line.coordinate[1:] + line.coordinate[:-1]) for line in (bore, seat))
+        pressure, shear = (np.interp(place + moved, there, each, left=0.0, right=0.0) for each in (pressure, shear))
+        normals = -bore.normals
+    n_r, n_z = normals.T
+    on_axle = np.stack([-pressure * n_r - shear * n_z, -pressure * n_z + shear * n_r], axis=1)
+    return np.asarray(on_axle if name == "axle" else -on_axle)
+
+
 def _larger(
-    best: Extreme | None, body: Body, evaluator: StressEvaluator, stress: FloatArray, travels: Sequence[float]
+    best: Extreme | None, evaluator: StressEvaluator, equivalent: FloatArray, travels: Sequence[float]
 ) -> Extreme:
-    equivalent = von_mises(stress)
     point, column = np.unravel_index(int(equivalent.argmax()), equivalent.shape)
     value = float(equivalent[point, column])
     if best is not None and best.value >= value:
         return best
     r, z = evaluator.places[point]
     travel = travels[int(column)]
-    return Extreme(value, float(r), float(z) + (travel if body.which == "wheel" else 0.0), travel)
+    return Extreme(value, float(r), float(z) + (travel if evaluator.body.which == "wheel" else 0.0), travel)
+
+
+def _zone(
+    evaluator: StressEvaluator, best: Extreme | None, beyond: BoolArray, stated: float | None
+) -> YieldZone | None:
+    """Where an elastic body was beyond the yield stress it states [MPa], at any time; None where nowhere."""
+    if best is None or stated is None or not beyond.any():
+        return None
+    depth, area = evaluator.extent(beyond)
+    return YieldZone(value=best.value / stated, r_mm=best.r_mm, z_mm=best.z_mm, depth_mm=depth, area_mm2=area)
+
+
+def _flow_zone(evaluator: StressEvaluator, accumulated: FloatArray, travel: float) -> YieldZone:
+    """Where a body flowed, from the accumulated plastic strain at its points at the end."""
+    depth, area = evaluator.extent(accumulated > 0.0)
+    top = int(accumulated.argmax())
+    r, z = evaluator.places[top]
+    moved = travel if evaluator.body.which == "wheel" else 0.0
+    return YieldZone(value=float(accumulated[top]), r_mm=float(r), z_mm=float(z) + moved, depth_mm=depth, area_mm2=area)
 
 
 def _field(
-    body: Body, evaluator: StressEvaluator, displacement: FloatArray, stress: FloatArray, travel: float
+    evaluator: StressEvaluator,
+    displacement: FloatArray,
+    stress: FloatArray,
+    traction: FloatArray,
+    plastic: FloatArray | None,
+    travel: float,
 ) -> BodyField:
-    recovered = evaluator.recover(stress)
+    body = evaluator.body
+    recovered = evaluator.patches.recover(stress, traction)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,
@@ -138,4 +223,12 @@ def _field(
         displacement=displacement.reshape(-1, 2),
         stress=recovered,
         von_mises=von_mises(recovered.T),
+        plastic_strain=_recovered_plastic(evaluator, plastic),
     )
+
+
+def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray | None:
+    """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
+    if plastic is None:
+        return None
+    return np.asarray(np.maximum(evaluator.patches.recover(np.stack([plastic] * 4))[:, 0], 0.0))

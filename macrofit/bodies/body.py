@@ -15,12 +15,13 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
+from ..base.cholmod import Factor, FactorError, NotDefiniteError, factor
 from ..errors import MeshError
 from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
 from .approach import Side, beside_line
 from .elasticity import weak_form
-from .fenics import Discretisation, Factor, discretise, schur_complement
+from .fenics import Discretisation, discretise
 from .geometry import Generatrix, Sizes, draw_body, polyline
 from .mesh import MeshData, mesh_drawing, read_mesh
 from .triangles import ordered_line
@@ -110,7 +111,7 @@ class Body:
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
         moduli = (self.material.lame_lambda, self.material.shear_modulus)
         self.space = discretise(data, keys.order, weak_form, moduli)
-        self.line, self.trace = _contact_line(
+        self.line, self.trace, self.line_cells = _contact_line(
             self.space,
             contact,
             which,
@@ -121,11 +122,11 @@ class Body:
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
-        supported = np.zeros(len(self.space.nodes) * 2, dtype=bool)
+        self.supported = np.zeros((len(self.space.nodes), 2), dtype=bool)
         for name, component in SUPPORTS:
             if name in self.space.edges:
-                supported[2 * self.space.edge_nodes(name).ravel() + component] = True
-        self.free = np.flatnonzero(~supported)
+                self.supported[self.space.edge_nodes(name).ravel(), component] = True
+        self.free = np.flatnonzero(~self.supported)
         self.stabilisation: sp.csr_matrix | None = None
         self.factorisations = 0
         self.back_substitutions = 0
@@ -160,33 +161,44 @@ class Body:
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
         Raises:
-            MeshError: S is not definite, or larger than this machine's memory.
+            MeshError: K is not definite, or larger than this machine's memory.
         """
         lines = len(self.line.nodes)
         loaded = len(self.trace) if load_trace else lines
-        position = np.full(self.dofs, -1, dtype=np.int64)
-        position[self.free] = np.arange(len(self.free))
-        place = position[self.trace_dofs].reshape(2, -1)
-        c = place[:, :loaded].ravel()
-        o = place[:, loaded:].ravel()
-        free_c, free_o = np.flatnonzero(c >= 0), np.flatnonzero(o >= 0)
-        self._fits(self.line.facets, len(free_c) + len(free_o))
-        matrix = self.stiffness[self.free][:, self.free]
-        factor = self._definite(schur_complement(matrix, np.concatenate([o[free_o], c[free_c]])))
-        self.factorisations += 1
-        n = len(free_o)
-        inverse, _ = sla.lapack.dpotri(factor[n:, n:], lower=1)
+        self._fits(self.line.facets, 2 * len(self.trace))
+        trace = self.trace
+        last = np.concatenate([trace[loaded:], trace[:loaded]])
+        n = 2 * (len(trace) - loaded)
+        lower = self._factored(last).trailing_block()
+        inverse, _ = sla.lapack.dpotri(lower[n:, n:], lower=1)
         inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        blocks = np.zeros((2, len(self.trace), 2 * loaded))
-        full = np.zeros((2 * loaded, 2 * loaded))
-        full[np.ix_(free_c, free_c)] = inverse
-        blocks[:, :loaded] = full.reshape(2, loaded, -1)
+        held = self.supported[trace]
+        inverse[held[:loaded].ravel(), held[:loaded].ravel()] = 0.0  # 1 stands for a support, see `_factored`
+        blocks = np.zeros((2, len(trace), 2 * loaded))
+        blocks[:, :loaded] = by_component(inverse)
         if n:
-            rest = np.zeros((2 * (len(self.trace) - loaded), 2 * loaded))
-            coupled = sla.blas.dtrsm(-1.0, factor[:n, :n], factor[n:, :n].T @ inverse, lower=1, trans_a=1)
-            rest[np.ix_(free_o, free_c)] = coupled
-            blocks[:, loaded:] = rest.reshape(2, -1, 2 * loaded)
-        return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs, self.factorisations)
+            coupled = sla.blas.dtrsm(-1.0, lower[:n, :n], lower[n:, :n].T @ inverse, lower=1, trans_a=1)
+            blocks[:, loaded:] = by_component(coupled)
+        return CondensedBody(self.line, blocks.reshape(2 * len(trace), -1), self.dofs, self.factorisations)
+
+    def _factored(self, last: IntArray | None = None) -> Factor:
+        """The factor of K, the nodes ``last`` at its end; a supported unknown has 1 on its diagonal and nothing else.
+
+        Raises:
+            MeshError: the body can move freely, theta / gamma0 took its coercivity, or the factor is too large.
+        """
+        free = sp.diags((~self.supported).ravel().astype(np.float64))
+        held = sp.diags(self.supported.ravel().astype(np.float64))
+        self.factorisations += 1
+        try:
+            return factor((free @ self.stiffness @ free + held).tocsr(), last, 2)
+        except NotDefiniteError:
+            raise MeshError(
+                f"the stiffness of the {self.which} is not positive definite: check its supports, "
+                f"or raise contact.gamma0 (theta = 1 needs 15 to 30 with order 2, 5 to 10 with order 1)"
+            ) from None
+        except FactorError as error:
+            raise MeshError(f"the {self.which}: {error}; take a coarser mesh (mesh.coarse, mesh.growth)") from None
 
     def _fits(self, facets: int, unknowns: int) -> None:
         """A MeshError where the dense matrices of the contact line, four of them at once, exceed the memory."""
@@ -197,40 +209,43 @@ class Body:
                 f"this machine has {there / 2**30:.0f}: lengthen mesh.seat_facet, mesh.bore_facet or mesh.corner_facet"
             )
 
-    def _definite(self, schur: FloatArray) -> FloatArray:
-        """Cholesky factor L, or a MeshError: the body can move freely, or theta / gamma0 took its coercivity."""
-        factor, info = sla.lapack.dpotrf(schur.T, lower=1, clean=1, overwrite_a=1)  # symmetric, and so not copied
-        if info != 0:
-            raise MeshError(
-                f"the stiffness of the {self.which} is not positive definite: check its supports, "
-                f"or raise contact.gamma0 (theta = 1 needs 15 to 30 with order 2, 5 to 10 with order 1)"
-            )
-        return np.asarray(factor)
-
     def back_substitute(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
-        if self._factor is None:
-            self._factor = Factor(self.stiffness[self.free][:, self.free], symmetric=True)
-            self.factorisations += 1
         loaded = loads.shape[0] // 2
         dofs = self.trace_dofs.reshape(2, -1)[:, :loaded].ravel()
         rhs = np.zeros((self.dofs, loads.shape[1]))
         rhs[dofs] = loads
-        out = np.zeros_like(rhs)
-        out[self.free] = self._factor.solve(rhs[self.free])
+        return self.solve(rhs)
+
+    def solve(self, loads: FloatArray) -> FloatArray:
+        """Displacement of every node, (dofs, k) [mm], from nodal loads (dofs, k) [N]; loads on supports do nothing."""
+        if self._factor is None:
+            self._factor = self._factored()
+        free = loads.copy()
+        free.reshape(len(self.supported), 2, -1)[self.supported] = 0.0
+        out = self._factor.solve(free)
         self.back_substitutions += loads.shape[1]
         return out
 
-    def reaction(self, displacement: FloatArray, loads: FloatArray) -> FloatArray:
+    def reaction(self, displacement: FloatArray, loads: FloatArray, inner: FloatArray | None = None) -> FloatArray:
         """Axial force [N] of the support ("held" or "pushed") on the body, (k,).
 
-        displacement (dofs, k) under the loads (2 loaded nodes, k) on the trace; what is loaded on the support's own
-        nodes (a corner shared with the contact line) goes straight into it.
+        displacement (dofs, k) under the loads (2 loaded nodes, k) on the trace and those of plastic strains, ``inner``
+        (dofs, k); what is loaded on the support's own nodes (a corner shared with the contact line) goes straight
+        into it.
         """
         nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
         axial = loads[len(loads) // 2 :]
         direct = axial[np.isin(self.trace[: len(axial)], nodes)].sum(axis=0)
+        if inner is not None:
+            direct = direct + inner[2 * nodes + 1].sum(axis=0)
         return np.asarray((self.stiffness[2 * nodes + 1] @ displacement).sum(axis=0) - direct)
+
+
+def by_component(matrix: FloatArray) -> FloatArray:
+    """A matrix of nodes (2 a, 2 b) as (2, a, 2 b): the r components first, of rows and of columns."""
+    a, b = (size // 2 for size in matrix.shape)
+    return matrix.reshape(a, 2, b, 2).transpose(1, 0, 3, 2).reshape(2, a, 2 * b)
 
 
 def compile_form(order: int) -> None:
@@ -250,8 +265,8 @@ def _contact_line(
     beside: FloatArray,
     radial: bool,
     with_cells: bool,
-) -> tuple[ContactLine, IntArray]:
-    """Order the facets by coordinate, and number the trace nodes."""
+) -> tuple[ContactLine, IntArray, IntArray]:
+    """The line with its facets in order, the numbers of its trace nodes, and the cells behind its facets."""
     axis = 1 if radial else 0
     cell, a, b = space.edges[contact].T
     pairs = np.stack([space.cells[cell, a], space.cells[cell, b]], axis=1)
@@ -289,4 +304,4 @@ def _contact_line(
         material=material,
         beside=beside,
     )
-    return line, trace
+    return line, trace, cell

@@ -5,7 +5,6 @@ Tried with dolfinx 0.5.2 (Debian 12) and 0.9 (Debian 13); 0.10 and 0.11 by readi
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import importlib.metadata
 import logging
@@ -23,7 +22,6 @@ from weakref import finalize
 
 import numpy as np
 import petsc4py
-import petsc4py.lib
 import scipy.sparse as sp
 from mpi4py import MPI
 
@@ -250,8 +248,8 @@ def tabulate(order: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
 class Factor:
     """A sparse matrix factored by MUMPS (through PETSc), and its solves; ``solves`` counts right-hand sides."""
 
-    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool) -> None:
-        self._matrix, self._pc = _prepare(matrix, symmetric=symmetric)
+    def __init__(self, matrix: sp.csr_matrix) -> None:
+        self._matrix, self._pc = _prepare(matrix)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
         finalize(self, _destroy, self._pc, self._factor, self._matrix)
@@ -269,39 +267,14 @@ class Factor:
         return out.reshape(rhs.shape) if rhs.ndim == 1 else out
 
 
-def schur_complement(matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
-    """S = K_kk - K_ki K_ii^-1 K_ik of a symmetric positive definite matrix, dense, by MUMPS.
-
-    petsc4py 3.18 does not wrap the two PETSc calls this takes, so they are made on the library itself.
-    """
-    petsc = ctypes.CDLL(petsc4py.lib.ImportPETSc().__file__)
-    keep_alive, pc = _prepare(matrix, symmetric=True)
-    indices = PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-    factor = pc.getFactorMatrix()
-    _checked(petsc.MatFactorSetSchurIS(_pointer(factor), _pointer(indices)))
-    pc.setUp()
-    schur, status = ctypes.c_void_p(), ctypes.c_int()
-    factor = pc.getFactorMatrix()
-    _checked(petsc.MatFactorCreateSchurComplement(_pointer(factor), ctypes.byref(schur), ctypes.byref(status)))
-    data = ctypes.POINTER(ctypes.c_double)()
-    _checked(petsc.MatDenseGetArray(schur, ctypes.byref(data)))
-    dense = np.ctypeslib.as_array(data, shape=(len(kept), len(kept))).copy()
-    _checked(petsc.MatDenseRestoreArray(schur, ctypes.byref(data)))
-    _checked(petsc.MatDestroy(ctypes.byref(schur)))
-    _destroy(pc, factor, indices, keep_alive)
-    return dense
-
-
-def _prepare(matrix: sp.csr_matrix, *, symmetric: bool) -> tuple[Any, Any]:
+def _prepare(matrix: sp.csr_matrix) -> tuple[Any, Any]:
     matrix = sp.csr_matrix(matrix)
     matrix.sort_indices()
     wrapped = PETSc.Mat().createAIJ(
         matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data), comm=PETSc.COMM_SELF
     )
     pc = PETSc.PC().create(PETSc.COMM_SELF)
-    if symmetric:
-        wrapped.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    pc.setType("cholesky" if symmetric else "lu")
+    pc.setType("lu")
     pc.setOperators(wrapped)
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
@@ -312,12 +285,3 @@ def _destroy(*objects: Any) -> None:
     """Free PETSc's objects; where Python drops the last reference, petsc4py 3.18 keeps a factor in memory for ever."""
     for each in objects:
         each.destroy()
-
-
-def _pointer(handle: Any) -> ctypes.c_void_p:
-    return ctypes.c_void_p(handle.handle)
-
-
-def _checked(code: int) -> None:
-    if code != 0:
-        raise RuntimeError(f"PETSc failed with error code {code}")

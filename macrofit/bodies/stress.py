@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
-from ..base.arrays import FloatArray
+from ..base.arrays import BoolArray, FloatArray
 from .body import Body
 from .elasticity import stiffness_moduli, strain_operator
+from .recovery import Patches
 
-_POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0  # Gauss points of degree 2
+
+def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:
+    """Points (k, 2) on the reference triangle where stresses are taken, and their weights (k,): one, or three of P2."""
+    if order == 2:
+        return np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0, np.full(3, 1.0 / 6.0)
+    return np.array([[1.0, 1.0]]) / 3.0, np.array([0.5])
 
 
 class StressEvaluator:
@@ -18,7 +27,7 @@ class StressEvaluator:
     def __init__(self, body: Body) -> None:
         self.body = body
         space = body.space
-        self.points = _POINTS if space.order == 2 else np.array([[1.0, 1.0]]) / 3.0
+        self.points, _ = gauss_points(space.order)
         count, k = len(space.cells), len(self.points)
         corners = np.repeat(space.nodes[space.cells[:, :3]], k, axis=0)
         strain, self.places = strain_operator(space.order, corners, np.tile(self.points, (count, 1)))
@@ -34,17 +43,17 @@ class StressEvaluator:
         """(4, points, k) [MPa] at the Gauss points, for displacements (dofs, k)."""
         return np.asarray((self._operator @ displacement).reshape(4, -1, displacement.shape[1]))
 
-    def recover(self, stress: FloatArray) -> FloatArray:
-        """(nodes, 4): the linear stress of each cell at its nodes, averaged over the cells that share them."""
-        space, k = self.body.space, len(self.points)
-        per_cell = stress.reshape(4, len(space.cells), k)
-        if k == 3:  # linear through the Gauss points: 5/3 of the nearest, -1/3 of the others at a vertex
-            vertices = per_cell @ (2.0 * np.eye(3) - 1.0 / 3.0)
-            middles = 0.5 * (vertices[..., [1, 0, 0]] + vertices[..., [2, 2, 1]])
-            values = np.concatenate([vertices, middles], axis=2)
-        else:
-            values = np.repeat(per_cell, 3, axis=2)
-        nodes, count = space.cells.ravel(), len(space.nodes)
-        shares = np.bincount(nodes, minlength=count)
-        means = [np.bincount(nodes, component.ravel(), minlength=count) / shares for component in values]
-        return np.stack(means, axis=1)
+    @cached_property
+    def patches(self) -> Patches:
+        """What recovers stresses at the nodes; made when a field is first asked for."""
+        return Patches(self.body, self.places)
+
+    def extent(self, chosen: BoolArray) -> tuple[float, float]:
+        """Largest distance of chosen points (points,) from the contact line [mm], and their area [mm2]."""
+        if not chosen.any():
+            return 0.0, 0.0
+        distance, _ = cKDTree(self.body.line.nodes).query(self.places[chosen])
+        corners = self.body.space.nodes[self.body.space.cells[:, :3]]
+        sides = corners[:, 1:] - corners[:, :1]
+        area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / len(self.points)
+        return float(distance.max()), float(np.repeat(area, len(self.points))[chosen].sum())

@@ -28,6 +28,7 @@ costs exactly the strain energy it stores. kappa vanishes where the gap is axial
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -63,14 +64,32 @@ class LinearSolution:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EigenMoments:
+    """What the plastic strains of both bodies add to the linear problem.
+
+    With their displacements u_p on both lines and the traction T_p = n . D eps_p, the trial traction of a displacement
+    u + u_p is that of u with g - (J - T / gamma) u_p + N u_p - T_p / gamma in place of g.
+    """
+
+    approach: FloatArray  # (2, n) added to g [mm]
+    slope: FloatArray  # (n,) added to kappa
+
+
+@dataclass(frozen=True, kw_only=True)
 class ContactProblem:
     """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate."""
 
     covered: CoveredSeat
     coupling: MortarCoupling
-    approach: FloatArray  # (2, n) g: gap and slip of the undeformed bodies [mm]
+    undeformed: FloatArray  # (2, n) gap and slip of the undeformed bodies [mm]
     radial: bool
     nitsche: bool
+    eigen: EigenMoments | None = None  # of bodies that yielded
+
+    @cached_property
+    def approach(self) -> FloatArray:
+        """g (2, n): gap and slip of the bodies under the traction alone [mm]."""
+        return self.undeformed if self.eigen is None else self.undeformed + self.eigen.approach
 
     @property
     def moments(self) -> int:
@@ -97,14 +116,15 @@ class ContactProblem:
         return float(self.covered.weight @ (total[0] * n_z + total[1] * n_r))
 
     def kappa(self, bore: FloatArray) -> FloatArray:
-        """kappa (n,) at a displacement (2 bore nodes,) of the bore [mm]."""
+        """kappa (n,) at a displacement (2 bore nodes,) of the bore under the traction alone [mm]."""
         if not self.radial:
             return self.coupling.axial_share_undeformed
-        return self.coupling.axial_share_undeformed + self.coupling.bore_slope(bore)
+        share = self.coupling.axial_share_undeformed + self.coupling.bore_slope(bore)
+        return share if self.eigen is None else share + self.eigen.slope
 
     def opening(self, seat: FloatArray, bore: FloatArray) -> FloatArray:
-        """(2, n) gap and slip of the deformed bodies, g - J u [mm]."""
-        return self.approach - self.covered.seat_moments(seat) + self.coupling.bore_moments(bore)
+        """(2, n) gap and slip of the deformed bodies, at their whole displacements [mm]."""
+        return self.undeformed - self.covered.seat_moments(seat) + self.coupling.bore_moments(bore)
 
 
 def classify(trial: FloatArray, friction: FloatArray, before: Status | None = None) -> Status:

@@ -62,7 +62,7 @@ class MonolithicProblem:
         weight, gamma = np.tile(contact.covered.weight, 2), np.tile(contact.covered.gamma, 2)
         spread = self.test.T @ sp.diags(weight) @ self._response(status, kappa, friction) @ sp.diags(gamma)
         matrix = self.engine.stiffness + spread @ self.gap
-        self.displacement = Factor(matrix.tocsr(), symmetric=False).solve(spread @ contact.approach.ravel())
+        self.displacement = Factor(matrix.tocsr()).solve(spread @ contact.approach.ravel())
         self.engine.factorisations += 1
         relative = (gamma * (contact.approach.ravel() - self.gap @ self.displacement)).reshape(2, -1)
         traction = self._traction(status, kappa, friction, relative)

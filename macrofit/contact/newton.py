@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from ..base.arrays import FloatArray
-from .law import LinearSolution, Status, classify, return_mapping
+from .law import ContactProblem, LinearSolution, Status, StatusArray, classify, return_mapping
+from .status import SLIP, STICK
 
 TOLERANCE = 1e-10
 """Largest error of the traction that is left, relative to the largest traction."""
@@ -22,9 +23,18 @@ SHARE = 1e-9
 CONTRACTION = 1e-2
 """Least factor between two changes that is believed; those of kappa are below."""
 
+NO_SLIP = 1e-6
+"""Slip below this share of the motion is none: the facet sticks, wherever in the cone its traction is.
+
+A traction that is kept at the cone's edge slips by 1e-8 of the motion (`push-out`, by the sleeve's own flexibility),
+the first facet that slip reaches by 1e-3.
+"""
+
 
 class LinearProblem(Protocol):
     """The problem that is linear once status and kappa are given: condensed or monolithic."""
+
+    contact: ContactProblem
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Traction, trial traction and kappa after one linear solve."""
@@ -101,3 +111,13 @@ def _one_change(status: Status, asked: Status, trial: FloatArray, friction: Floa
     one = int(np.argmax(excess))
     kind[one], sign[one] = asked.kind[one], asked.sign[one]
     return Status(kind, sign)
+
+
+def settled_status(
+    report: Report, contact: ContactProblem, friction: FloatArray, slip: FloatArray, moved: float
+) -> StatusArray:
+    """Status of each moment by its slip [mm]: one that friction holds without slip in this motion [mm] sticks."""
+    asked = report.status.kind
+    unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
+    slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
+    return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)

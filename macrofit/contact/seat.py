@@ -41,12 +41,19 @@ class CoveredSeat:
 
     def seat_moments(self, displacement: FloatArray) -> FloatArray:
         """J u (2, n) of a displacement (2 loaded nodes,) of the seat."""
-        size = len(self.full.weight)
-        values = (self.full.jump @ displacement).reshape(2, -1)
-        if self.partial is not None:
-            extra = (self.partial.jump @ displacement).reshape(2, -1)
-            values = np.concatenate([values[:, :size], extra], axis=1)
-        return np.asarray(values[:, self.index])
+        return self._moments([rows.jump @ displacement for rows in self._rows])
+
+    def trial_moments(self, displacement: FloatArray) -> FloatArray:
+        """(J - T / gamma) u (2, n) of a displacement (2 trace nodes,) of the axle; J u for penalty."""
+        return self._moments([rows.trial @ displacement for rows in self._rows])
+
+    @property
+    def _rows(self) -> list[SeatRows]:
+        return [self.full] if self.partial is None else [self.full, self.partial]
+
+    def _moments(self, values: list[FloatArray]) -> FloatArray:
+        """The covered moments (2, n) among those of the whole seat and of the partly covered facets."""
+        return np.asarray(np.concatenate([part.reshape(2, -1) for part in values], axis=1)[:, self.index])
 
     def loads(self, forces: FloatArray) -> FloatArray:
         """Nodal forces (2 loaded nodes,) of forces (2, n) on the moments [N]."""

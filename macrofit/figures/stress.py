@@ -1,7 +1,8 @@
 """The picture of von Mises stress in both bodies, whole or zoomed on the entrance of the seat.
 
 Stress is shown at the nodes, z to the right and r upwards, on the deformed shape, not magnified: undeformed,
-the two bodies would overlap by the interference just where it matters. The map is viridis.
+the two bodies would overlap by the interference just where it matters. The map is viridis; a vermilion line encloses
+what flowed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from ..scene.keys import Shaft
 
 if TYPE_CHECKING:
     from ..solution import BodyField, Solution
+
+YIELDED = 1e-5
+"""Accumulated plastic strain at the contour of what flowed."""
 
 Window = tuple[FloatArray, FloatArray]
 """Lowest and highest (r, z) [mm]."""
@@ -59,7 +63,8 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
 def _title(solution: Solution, displacement: float, columns: int) -> str:
     """What is shown, and the run's largest stress where that is of another displacement."""
     lines = textwrap.wrap(solution.scene.title, columns)
-    lines.append(f"displacement {displacement:g} mm")
+    flowed = any(zone.area_mm2 for zone in solution.flowed.values())
+    lines.append(f"displacement {displacement:g} mm" + (", flowed within the line" if flowed else ""))
     extremes = solution.max_von_mises
     if extremes:
         body = max(extremes, key=lambda name: extremes[name].value)
@@ -138,6 +143,9 @@ def _draw_body(axes: Any, field: BodyField, window: Window, top: float) -> Any:
         Triangulation(place[:, 1], place[:, 0], _split(seen)), field.von_mises,
         shading="gouraud", cmap="viridis", vmin=0.0, vmax=top, rasterized=True,
     )  # fmt: skip
+    if field.plastic_strain is not None and field.plastic_strain.max(initial=0.0) > YIELDED:
+        mesh = Triangulation(place[:, 1], place[:, 0], _split(seen))
+        axes.tricontour(mesh, field.plastic_strain, levels=[YIELDED], colors=[VERMILION], linewidths=1.0)
     axes.add_collection(LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6))
     return drawn
 

@@ -26,6 +26,9 @@ Nitsche's method leaves 1e-4, a penalty of 10 E per mm 2e-3 (`wheelset`).
 ENERGY_BALANCE = 0.05
 """Largest energy balance: 1 mm increments leave 3e-5 (`wheelset`), 15 mm ones 8e-3; partial slip in ten steps 7e-2."""
 
+LARGE_STRAIN = 0.1
+"""Largest plastic strain of small strain theory: rotations and changes of area of that size are left out."""
+
 
 class DoubtfulRun(MacrofitError):
     """A run with doubts where none are allowed."""
@@ -34,7 +37,7 @@ class DoubtfulRun(MacrofitError):
 def doubts(solution: Solution) -> list[str]:
     """A sentence for each doubt about a run, what it showed before what its scene foretold."""
     checks: tuple[Callable[[Solution], Iterator[str]], ...] = (
-        _touch, _interpenetration, _energy, _convergence, _past_end, _facets,
+        _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(solution)] + foreseen(solution.scene)
 
@@ -115,6 +118,27 @@ def _past_end(solution: Solution) -> Iterator[str]:
         yield (
             f"past the seat's end: the wheel goes {past:.4g} mm beyond the group 'seat', where no contact is looked "
             f"for; let the group reach further, unless the axle is narrower there"
+        )
+
+
+def _yield(solution: Solution) -> Iterator[str]:
+    """An elastic body beyond the yield stress that it states."""
+    for body, zone in solution.beyond_yield.items():
+        yield (
+            f"beyond yield: the {body} is taken as elastic, and its stress reaches {zone.value:.3g} times the yield "
+            f"stress, {zone.depth_mm:.1f} mm deep and over {zone.area_mm2:.0f} mm2 of the section; leave "
+            f"{body}.material.elastic out"
+        )
+
+
+def _large_strain(solution: Solution) -> Iterator[str]:
+    """Flow beyond small strain theory; of which body is known where stresses were asked for."""
+    most = max((record.plastic_strain for record in solution.increments), default=0.0)
+    if not most <= LARGE_STRAIN:  # so that NaN is doubtful
+        flowed = [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN]
+        yield (
+            f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
+            f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
         )
 
 

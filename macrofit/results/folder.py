@@ -214,6 +214,8 @@ def _vtk_mesh(field: BodyField, asked: Iterable[str]) -> Any:
         data["displacement"] = np.column_stack([field.displacement, flat])
     if "von_mises" in asked:
         data["von_mises"] = field.von_mises
+    if field.plastic_strain is not None:
+        data["plastic_strain"] = field.plastic_strain
     if "stress" in asked:
         names = ("stress_rr", "stress_zz", "stress_tt", "stress_rz")
         data |= {name: field.stress[:, k].copy() for k, name in enumerate(names)}

@@ -12,7 +12,7 @@ from .verdict import verdict
 from .versions import versions
 
 if TYPE_CHECKING:
-    from ..solution import Solution
+    from ..solution import Solution, YieldZone
 
 
 def summary(solution: Solution) -> dict[str, Any]:
@@ -31,6 +31,9 @@ def summary(solution: Solution) -> dict[str, Any]:
             body: {"value": at.value, "r_mm": at.r_mm, "z_mm": at.z_mm, "displacement_mm": at.displacement_mm}
             for body, at in solution.max_von_mises.items()
         },
+        "plastic_strain": _zones(solution.flowed, "value"),
+        "beyond_yield": _zones(solution.beyond_yield, "stress_over_yield"),
+        "plastic_work_N_mm": sum(record.plastic_work for record in records),
         "interference_radial_mm": radial,
         "interference_diametral_mm": None if radial is None else 2.0 * radial,
         "force_balance": solution.force_balance,
@@ -53,6 +56,14 @@ def summary(solution: Solution) -> dict[str, Any]:
     }
 
 
+def _zones(zones: dict[str, YieldZone], name: str) -> dict[str, dict[str, float]]:
+    """Where each body flowed, or is beyond its yield stress; z in the axle's frame."""
+    return {
+        body: {name: zone.value} | {key: getattr(zone, key) for key in ("r_mm", "z_mm", "depth_mm", "area_mm2")}
+        for body, zone in zones.items()
+    }
+
+
 def sentences(numbers: dict[str, Any]) -> list[str]:
     """A summary in a few lines for people."""
     lines = []
@@ -70,6 +81,13 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
             f"Max von Mises   {at['value']:.1f} MPa in the {body} at r = {at['r_mm']:.2f} mm, "
             f"z = {at['z_mm']:.2f} mm, displacement {at['displacement_mm']:.6g} mm"
         )
+    for body, zone in numbers["plastic_strain"].items():
+        lines.append(
+            f"Plastic strain  {zone['value']:.2%} at most in the {body} at r = {zone['r_mm']:.2f} mm, "
+            f"z = {zone['z_mm']:.2f} mm; {_extent(zone)}"
+            if zone["area_mm2"]
+            else f"Plastic strain  none in the {body}"
+        )
     failed = numbers["unconverged_increments"]
     if failed:
         lines.append(f"Not converged   {failed} of {numbers['increments']} increments")
@@ -77,6 +95,10 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     reason = numbers["verdict_reason"]
     lines.append(f"Verdict         {judged['sentence'] if judged else f'none: {reason}.'}")
     return lines + doubtful_lines(numbers["doubts"])
+
+
+def _extent(zone: dict[str, float]) -> str:
+    return f"it flowed down to {zone['depth_mm']:.1f} mm, over {zone['area_mm2']:.0f} mm2 of the section"
 
 
 def interference_line(radial: float) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from ..errors import SceneError
 from .keys import Disc, Hub, MeshFile, Scene, Shaft
+from .material import ChabocheHardening, Material, TabulatedHardening
 from .profile import bore_profile, overlap, sampled, seat_profile
 
 SMALL_STRAIN = 0.02
@@ -31,6 +33,7 @@ def check_scene(scene: Scene) -> None:
     """
     _check_motion(scene)
     for table, body in (("axle", scene.axle), ("wheel", scene.wheel)):
+        _check_material(f"{table}.material", body.material, scene)
         if not isinstance(body, MeshFile):
             _check_lengths(table, body)
         if isinstance(body, Disc):
@@ -50,6 +53,51 @@ def check_scene(scene: Scene) -> None:
             low - 1e-9 <= at <= high + 1e-9,
             f"output.fields_at: {at} is outside the motion, {low} to {high} mm",
         )
+
+
+def _check_material(where: str, material: Material, scene: Scene) -> None:
+    """The yield stress is stated once, nothing softens, and the solver can follow it."""
+    keys, stated = material.hardening, material.yield_stress
+    if isinstance(keys, TabulatedHardening):
+        _check_table(where, keys, stated)
+    elif keys is not None:
+        _need(
+            stated is not None or material.grade is not None,
+            f"{where}.hardening: says nothing without a yield stress; state {where}.yield_stress or a grade",
+        )
+    if isinstance(keys, ChabocheHardening):
+        _need(
+            len(keys.moduli) == len(keys.recalls),
+            f"{where}.hardening: {len(keys.moduli)} moduli and {len(keys.recalls)} recalls; give one of each for "
+            f"every back-stress",
+        )
+    yields = stated is not None or material.grade is not None or isinstance(keys, TabulatedHardening)
+    if yields and not material.elastic:
+        _need(
+            scene.contact.formulation == "penalty" or scene.contact.theta == 0,
+            f"contact.theta: {scene.contact.theta} is for elastic bodies, and {where} yields; take 0",
+        )
+
+
+def _check_table(where: str, keys: TabulatedHardening, stated: float | None) -> None:
+    strain, stress = keys.plastic_strain, keys.stress
+    _need(
+        len(strain) == len(stress),
+        f"{where}.hardening: {len(strain)} plastic strains and {len(stress)} stresses; give as many of both",
+    )
+    _need(strain[0] == 0.0, f"{where}.hardening.plastic_strain: must begin with 0, where the yield stress is")
+    _need(
+        all(a < b for a, b in pairwise(strain)),
+        f"{where}.hardening.plastic_strain: must grow from point to point",
+    )
+    _need(
+        stress[0] > 0.0 and all(a <= b for a, b in pairwise(stress)),
+        f"{where}.hardening.stress: must be positive and never fall; a steel that softens is not computed",
+    )
+    _need(
+        stated is None or stated == stress[0],
+        f"{where}.yield_stress: {stated} is not the first stress of the table, {stress[0]}; leave it out",
+    )
 
 
 def _check_lengths(table: str, body: Shaft | Hub | Disc) -> None:

@@ -162,6 +162,9 @@ class Motion(Keys, frozen=True):
         Annotated[tuple[float, ...], msgspec.Meta(min_length=1)] | None,
         told("All displacements, which may reverse, instead of start, travel and increment [mm]."),
     ] = None
+    release: Annotated[
+        bool, told("Whether the press lets go at the end: the wheel moves back until no force is left.")
+    ] = False
     max_cutbacks: Annotated[
         int, msgspec.Meta(ge=0), told("How often an increment may be halved where Newton's method fails [-].")
     ] = 8

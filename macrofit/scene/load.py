@@ -89,6 +89,8 @@ def json_schema() -> dict[str, Any]:
         if "shape" in table["properties"]:  # the tag of the bodies, which may be left out
             table["properties"]["shape"]["description"] = "Shape of the body; left out: shaft, wheel, or a mesh file."
             table["required"] = [key for key in table["required"] if key != "shape"]
+        if "law" in table["properties"]:  # the tag of the ways of hardening
+            table["properties"]["law"]["description"] = "How the steel hardens."
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A scene of macrofit", **schema}
 
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from macrofit.base.arrays import FloatArray, IntArray
 from macrofit.contact.law import return_mapping
-from macrofit.contact.newton import RESIDUAL
+from macrofit.contact.newton import NO_SLIP, RESIDUAL
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.friction import FrictionField
-from macrofit.press import NO_SLIP, Step
 from macrofit.solution import Increment, force_balance
+from macrofit.state import Step
 from macrofit.stress import evaluate_stresses
 
 from ._stability_energy import energy, probe
@@ -182,6 +182,6 @@ def _of_records(run: Run) -> Iterator[tuple[str, float]]:
         same = step is not None and (record.force, record.strain_energy) == (step.force, step.strain_energy)
         yield "facets", 0.0 if same else math.inf
     if run.records:
-        stresses = evaluate_stresses(run.scene, run.assembly, run.states)
+        stresses = evaluate_stresses(run.scene, run.assembly, run.states, run.records)
         yield "finite", float(not all(math.isfinite(extreme.value) for extreme in stresses.extremes.values()))
         yield "force", force_balance(run.records, stresses.reactions) or 0.0

@@ -21,9 +21,10 @@ from macrofit.contact.seat import CoveredSeat
 from macrofit.contact.status import OPEN
 from macrofit.errors import MacrofitError
 from macrofit.friction import FrictionField
-from macrofit.press import REACH, Press, State, Step
+from macrofit.press import REACH, Press
 from macrofit.scene.keys import Scene
 from macrofit.solution import Increment
+from macrofit.state import State, Step
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -171,7 +172,7 @@ def _moments(run: Run, taken: Taken, bulk: dict[str, FloatArray]) -> Moments | N
     contact = ContactProblem(
         covered=covered,
         coupling=whole,
-        approach=np.stack([whole.gap, slip]),
+        undeformed=np.stack([whole.gap, slip]),
         radial=seat.line.radial,
         nitsche=seat.nitsche,
     )

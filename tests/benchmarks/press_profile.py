@@ -58,8 +58,8 @@ def stages(scene: Scene) -> list[Cost]:
         return float(facing.moments), float(span.stop - span.start)
 
     watched = {
-        "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"), "schur": (body, "schur_complement"),
-        "inverse": (Body, "_definite", lambda arguments, _: float(len(arguments[1]))),
+        "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"), "schur": (Body, "_factored"),
+        "inverse": (sla.lapack, "dpotri", size),
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
         "pair": (press, "couple_lines"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),

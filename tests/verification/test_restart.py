@@ -11,9 +11,9 @@ from small import condensed_press, small_press
 from macrofit import press as press_module
 from macrofit.contact.newton import Report, newton
 from macrofit.errors import ConvergenceError
-from macrofit.press import State
 from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
+from macrofit.state import State
 
 
 class Memory:

@@ -28,7 +28,7 @@ def facing_and_engines(theta: int) -> tuple[ContactProblem, Monolithic, Condense
     assert pairing is not None
     covered = Seat(seat.line, scene.contact).cover(pairing.portions)
     approach = np.stack([pairing.gap, np.full(len(covered.weight), 0.02)])
-    facing = ContactProblem(covered=covered, coupling=pairing, approach=approach, radial=True, nitsche=True)
+    facing = ContactProblem(covered=covered, coupling=pairing, undeformed=approach, radial=True, nitsche=True)
     return facing, Monolithic(seat, bodies["axle"], bodies["wheel"]), Condensed(seat, axle, wheel)
 
 

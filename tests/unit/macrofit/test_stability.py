@@ -15,7 +15,7 @@ from benchmarks.stability import Bodies, Tally, asked, broken_mappings, judge, r
 
 from macrofit.contact import newton
 from macrofit.contact.status import OPEN, SLIP
-from macrofit.press import Step
+from macrofit.state import Step
 
 CASE = Case("planted", {"mesh.order": 1, "motion.displacements": THERE_AND_BACK}, BASE, Scatter(3))
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from macrofit.base import cholmod
 from meso import kernels
 from meso.errors import MesoError
-from meso.lattice import cholmod
 from meso.lattice.candidates import Faces
 from meso.lattice.cholmod import factor
 from meso.plates import Plates, make_plates
@@ -61,7 +61,7 @@ def test_entries_and_operations_of_a_dense_factor() -> None:
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     lattice = make_plates(load(None, ["plates.spheres=900"])).wheel
     monkeypatch.setattr(cholmod, "free_memory", lambda: 2.0**20)
-    with pytest.raises(MesoError, match=r"candidates take .* GiB, and 0\.0 GiB are free: take fewer spheres"):
+    with pytest.raises(MesoError, match=r"contact nodes take .* GiB, and 0\.0 GiB are free: take fewer spheres"):
         factor(lattice.stiffness(), np.arange(20))
 
 

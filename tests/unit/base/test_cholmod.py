@@ -15,13 +15,17 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from macrofit.base import cholmod
 from macrofit.base.arrays import FloatArray, IntArray
-from meso.errors import MesoError, PackingError
-from meso.lattice import cholmod
-from meso.lattice.cholmod import factor
+from macrofit.base.cholmod import Factor, FactorError, NotDefiniteError
 
 # The condition of these lattices is below 400, so that two backward-stable ways part by some 400 eps = 1e-13.
 TOLERANCE = 1e-12
+
+
+def factor(matrix: Any, last: IntArray | None = None, block: int = 6) -> Factor:
+    """A factor of lattices, whose nodes have six unknowns."""
+    return cholmod.factor(matrix, last, block)
 
 
 def lattice(nodes: int, block: int, seed: int = 0, held: bool = True) -> sparse.csr_matrix:
@@ -113,7 +117,7 @@ def test_a_moved_candidate_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(library, "cholmod_analyze_p", postordered)
     K = sparse.diags([np.full(9, -1.0), np.full(10, 2.0), np.full(9, -1.0)], [-1, 0, 1]).tocsr()
-    with pytest.raises(RuntimeError, match="moved the candidates"):
+    with pytest.raises(RuntimeError, match="moved the contact nodes"):
         factor(K, np.array([9, 0, 8, 7, 1]), block=1)
 
 
@@ -191,7 +195,7 @@ def test_same_bits_twice() -> None:
 @pytest.mark.parametrize("last", [None, np.array([2, 60])])
 def test_a_free_piece_is_named(piece: int, last: IntArray | None) -> None:
     K = sparse.block_diag([lattice(80, 6), lattice(piece, 6, seed=3, held=False)]).tocsr()
-    with pytest.raises(PackingError, match=r"not positive definite: node \d+ is free .* fix its back") as caught:
+    with pytest.raises(NotDefiniteError, match=r"definite: node \d+ is free in its component \d") as caught:
         factor(K, last)
     assert 80 <= int(str(caught.value).split("node ")[1].split()[0]) < 80 + piece
 
@@ -200,7 +204,7 @@ def test_a_singular_stiffness_whose_pivots_stay_positive_is_refused() -> None:
     """[[a, -b], [-b, b^2/a]] with the last pivot rounded up to 4 eps of its diagonal: dpotrf finds nothing wrong."""
     K = sparse.csr_matrix(np.array([[1.0, -1.0], [-1.0, 1.0 + 4 * np.finfo(float).eps]]))
     assert np.linalg.cholesky(K.toarray())[1, 1] > 0.0
-    with pytest.raises(PackingError, match="free"):
+    with pytest.raises(NotDefiniteError, match="free"):
         factor(K, block=1)
 
 
@@ -214,7 +218,7 @@ def test_weak_but_held_is_accepted() -> None:
 def test_other_than_positive_definite_is_refused(value: float) -> None:
     K = lattice(40, 6)
     K[25, 25] = value
-    with pytest.raises(PackingError, match="not positive definite"):
+    with pytest.raises(NotDefiniteError, match="not positive definite"):
         factor(K)
 
 
@@ -240,7 +244,7 @@ def unloaded() -> Iterator[None]:
 @pytest.mark.usefixtures("unloaded")
 def test_without_the_library_the_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cholmod, "SONAMES", {"libcholmod.so.0": (0, 0), "libcholmod.so.1": (1, 0)})
-    with pytest.raises(MesoError, match=r"libcholmod3 .* libcholmod5 .*so\.0.*so\.1"):
+    with pytest.raises(FactorError, match=r"libcholmod3 .* libcholmod5 .*so\.0.*so\.1"):
         factor(lattice(5, 6))
 
 
@@ -254,7 +258,7 @@ def test_another_library_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         return place(cholmod._Common.from_buffer_copy(bytes(8) + ctypes.string_at(ctypes.addressof(common), room)))
 
     monkeypatch.setattr(cholmod, "_defaults_in_place", shifted)
-    with pytest.raises(MesoError, match=r"CHOLMOD (3\.0|5\.3)\.\d+, .* libcholmod3 .* libcholmod5"):
+    with pytest.raises(FactorError, match=r"CHOLMOD (3\.0|5\.3)\.\d+, .* libcholmod3 .* libcholmod5"):
         factor(lattice(5, 6))
 
 
@@ -271,7 +275,7 @@ def test_every_default_is_looked_at() -> None:
 
 def test_failures_of_the_library_say_what_to_try() -> None:
     common = cholmod._Common()
-    for status, error, text in ((-2, MesoError, "memory"), (-3, MesoError, "fewer"), (-4, RuntimeError, "-4")):
+    for status, error, text in ((-2, FactorError, "memory"), (-3, FactorError, "entries"), (-4, RuntimeError, "-4")):
         common.status = status
         with pytest.raises(error, match=text):
             cholmod._raise_failure(common)
@@ -302,7 +306,7 @@ def test_memory_is_given_back(held: bool) -> None:
             before = resident()
         try:
             L = factor(K, last)
-        except PackingError:
+        except NotDefiniteError:
             assert not held
         else:
             assert held

@@ -1,0 +1,61 @@
+"""From the keys of a material to the law at its points."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from importlib import resources
+
+import numpy as np
+
+from ..scene.material import (
+    ChabocheHardening,
+    LinearHardening,
+    Material,
+    TabulatedHardening,
+    VoceHardening,
+)
+from .law import Hardening
+
+
+@cache
+def cards() -> dict[str, dict[str, float | str]]:
+    """The cards of the steels, by their grades."""
+    return tomllib.loads((resources.files("macrofit.scene") / "steels.toml").read_text())
+
+
+def yield_stress(material: Material) -> float | None:
+    """Where the material starts to yield [MPa]; None where it never does."""
+    table = material.hardening
+    if material.yield_stress is not None:
+        return material.yield_stress
+    if isinstance(table, TabulatedHardening):
+        return table.stress[0]
+    return None if material.grade is None else float(cards()[material.grade]["yield_stress"])
+
+
+def hardening(material: Material) -> Hardening | None:
+    """The law of a material; None where it stays elastic."""
+    stress, keys = yield_stress(material), material.hardening
+    if stress is None or material.elastic:
+        return None
+    match keys:
+        case None:
+            return Hardening(yield_stress=stress)
+        case LinearHardening():
+            backs = ((keys.kinematic,), (0.0,)) if keys.kinematic else ((), ())
+            return Hardening(yield_stress=stress, isotropic=keys.isotropic, moduli=backs[0], recalls=backs[1])
+        case VoceHardening():
+            return Hardening(yield_stress=stress, isotropic=keys.isotropic, saturation=keys.saturation, rate=keys.rate)
+        case ChabocheHardening():
+            return Hardening(
+                yield_stress=stress,
+                isotropic=keys.isotropic,
+                saturation=keys.saturation,
+                rate=keys.rate,
+                moduli=keys.moduli,
+                recalls=keys.recalls,
+            )
+        case TabulatedHardening():
+            gains = tuple((np.array(keys.stress) - keys.stress[0]).tolist())
+            return Hardening(yield_stress=stress, curve=(keys.plastic_strain, gains))

@@ -1,0 +1,182 @@
+"""Both bodies beyond their yield stress: plastic strains and contact, solved for each other.
+
+The elastic factors stay as they are (see `body`). In every step, with plastic strains x at the Gauss points,
+
+    1. u_p = K^-1 f_p(x) changes what the contact sees, and the contact is solved for it;
+    2. its loads give u = K^-1 P' f_c + u_p, and the law the plastic strains g(x) at u;
+    3. x = g(x) is what is looked for; Anderson's method takes the next x from those before.
+
+A rank has the points of its own bodies. What the others need goes round once per iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..base.arrays import FloatArray
+from ..contact.eigen import Eigen
+from ..parallel import owner
+from .anderson import Anderson
+from .body import BodyFlow, BodyStep, Changes, PlasticBody, changed
+
+TOLERANCE = 1e-3
+"""Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
+
+LIMIT = 60
+"""Iterations before a step is given up."""
+
+Flow = dict[str, BodyFlow]
+"""The state of the points of this rank's bodies."""
+
+Loads = tuple[FloatArray, FloatArray]
+"""Nodal loads of the contact on the seat and on the bore [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settled:
+    """What a step leaves where the steel yields."""
+
+    flow: Flow
+    eigen: dict[str, Eigen]
+    energy: float
+    """What is added to 1/2 sum of f_c . u to give the elastic energy [N mm]."""
+    work: float
+    """Plastic work of the step [N mm]."""
+    largest: float
+    """Largest accumulated plastic strain [-]."""
+    iterations: int
+    converged: bool
+
+
+class Yielding:
+    """The bodies that may yield, wherever they are."""
+
+    def __init__(self, comm: MPI.Comm, bodies: dict[str, PlasticBody], names: tuple[str, ...]) -> None:
+        self.comm, self.bodies, self.names = comm, bodies, names
+
+    def rest(self) -> Flow:
+        """Nothing flowed yet."""
+        return {name: body.rest() for name, body in self.bodies.items()}
+
+    def increment(self, before: Flow, after: Flow, moved: float) -> tuple[Flow, dict[str, Changes]]:
+        """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks."""
+        flow = {name: BodyFlow.between(before[name].state, after[name].state, moved) for name in self.bodies}
+        return flow, self._shared({name: body.changes() for name, body in flow.items()})
+
+    def restored(self, changes: list[dict[str, Changes]], moved: float) -> Flow:
+        """The flow after all these increments, the last of which moved the wheel by so much [mm]."""
+        out = {}
+        for name, body in self.bodies.items():
+            before = state = body.rest().state
+            for each in changes:
+                before, state = state, changed(state, each[name])
+            out[name] = BodyFlow.between(before, state, moved)
+        return out
+
+    def settle(self, before: Flow, moved: float, loads: Loads, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
+        """Plastic strains and contact that fit each other. Collective.
+
+        Args:
+            before: the flow before the step.
+            moved: travel of the wheel in the step [mm].
+            loads: of the contact before the step.
+            contact: solves the contact for what the plastic strains do to it, and gives its loads.
+        """
+        old = dict(zip(("axle", "wheel"), loads, strict=True))
+        steps = {name: BodyStep(body, before[name], moved, old[name]) for name, body in self.bodies.items()}
+        accelerated = Anderson(partial(self._dot, steps))
+        converged = False
+        for iteration in range(1, LIMIT + 1):
+            own = {name: step.displace() for name, step in steps.items()}
+            eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
+            both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
+            u = {name: own[name] + body.displace(both[name]) for name, body in self.bodies.items()}
+            if iteration == 1:
+                self._widened(steps, u)
+            reached = {name: step.flowed(u[name]) for name, step in steps.items()}
+            left, gained = self._norms(steps, reached)
+            if left <= TOLERANCE * gained:
+                if not self._widened(steps, u):
+                    converged = True
+                    break
+                accelerated = Anderson(partial(self._dot, steps))
+                continue
+            x = {name: step.x for name, step in steps.items()}
+            _divide(steps, accelerated.next(_joined(steps, x), _joined(steps, reached)))
+        if not converged:
+            return Settled(
+                flow=before, eigen=eigen, energy=0.0, work=0.0, largest=0.0, iterations=iteration, converged=False
+            )
+        return self._settled(steps, u, eigen, iteration)
+
+    def _widened(self, steps: dict[str, BodyStep], displacement: dict[str, FloatArray]) -> bool:
+        """Whether any body has to watch more points."""
+        missed = self._shared({name: step.widened(displacement[name]) for name, step in steps.items()})
+        return any(missed[name] for name in self.names)
+
+    def _settled(
+        self,
+        steps: dict[str, BodyStep],
+        displacement: dict[str, FloatArray],
+        eigen: dict[str, Eigen],
+        iteration: int,
+    ) -> Settled:
+        """What is left at the end, and what it took in work and energy."""
+        after, numbers = {}, {}
+        for name, step in steps.items():
+            after[name], numbers[name] = step.finished(displacement[name])
+        shared = self._shared(numbers)
+        energy, work, largest = (np.array([shared[name][k] for name in self.names]) for k in range(3))
+        return Settled(
+            flow=after,
+            eigen=eigen,
+            energy=float(energy.sum()),
+            work=float(work.sum()),
+            largest=float(largest.max()),
+            iterations=iteration,
+            converged=True,
+        )
+
+    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float]:
+        """Norms of g(x) - x and of what the law gave in the step."""
+        squares = {
+            name: np.array([np.square(step.scale * (reached[name] - step.x)).sum(), step.gained_square()])
+            for name, step in steps.items()
+        }
+        shared = self._shared(squares)
+        left, gained = np.sqrt(sum(shared[name] for name in self.names))
+        return float(left), float(gained)
+
+    def _dot(self, steps: dict[str, BodyStep], left: FloatArray, right: FloatArray) -> FloatArray:
+        """left @ right.T over all bodies, summed in the same order on any number of ranks."""
+        own, start = {}, 0
+        for name, step in steps.items():
+            part = slice(start, start + 4 * len(step.points))
+            own[name], start = left[:, part] @ right[:, part].T, part.stop
+        shared = self._shared(own)
+        return np.asarray(sum(shared[name] for name in self.names))
+
+    def _shared(self, own: dict[str, Any]) -> dict[str, Any]:
+        """What the ranks have for each body, on all ranks."""
+        if self.comm.size == 1:
+            return own
+        return {name: self.comm.bcast(own.get(name), root=owner(self.comm, name)) for name in self.names}
+
+
+def _joined(steps: dict[str, BodyStep], strains: dict[str, FloatArray]) -> FloatArray:
+    """Plastic strains of this rank's bodies as one vector, scaled so that its square is their norm's."""
+    return np.concatenate([np.zeros(0), *((step.scale * strains[name]).ravel() for name, step in steps.items())])
+
+
+def _divide(steps: dict[str, BodyStep], vector: FloatArray) -> None:
+    """Give a joined vector to the steps, as their plastic strains."""
+    start = 0
+    for step in steps.values():
+        end = start + 4 * len(step.points)
+        step.x, start = vector[start:end].reshape(-1, 4) / step.scale, end

@@ -1,0 +1,124 @@
+"""What an increment starts from, and what a step leaves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .base.arrays import FloatArray, IntArray
+from .contact.newton import Report
+from .contact.status import OPEN, STICK
+from .solution import FacetState, Increment, work_between
+
+if TYPE_CHECKING:
+    from .plasticity.body import Changes
+    from .plasticity.yielding import Flow, Settled
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """Everything an increment starts from."""
+
+    displacement: float
+    direction: float  # sign of the last motion
+    friction_force: float  # axial resultant of the tangential traction [N]
+    seat_displacement: FloatArray  # (2 loaded nodes,) [mm]
+    bore_displacement: FloatArray  # (2 bore nodes,) [mm]
+    seat_load: FloatArray  # (2 loaded nodes,) [N]
+    bore_load: FloatArray  # (2 bore nodes,) [N]
+    pressure: FloatArray  # (facets,) [MPa]
+    accumulated_slip: FloatArray  # (facets,) [mm]
+    kind: IntArray  # (facets, moments) status
+    sign: IntArray  # (facets, moments) of the slip
+    kappa: FloatArray  # (facets, moments) see `contact.law`
+    held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
+    flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
+    changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
+
+    @property
+    def axial_force(self) -> float:
+        """Axial resultant of the load on the seat [N]: the pushing force."""
+        return float(self.seat_load.reshape(2, -1)[1].sum())
+
+    def arrays(self) -> dict[str, FloatArray | IntArray]:
+        """The state as named arrays, for a journal; of the bodies what this increment changed."""
+        own = {name: np.asarray(getattr(self, name)) for name in self._named()}
+        for body, changes in (self.changes or {}).items():
+            own |= {f"{body}.{name}": values for name, values in changes.items()}
+        return own
+
+    @staticmethod
+    def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
+        """The inverse of ``arrays``; what else stands in a journal is left."""
+        scalars = {name: float(arrays[name]) for name in ("displacement", "direction", "friction_force")}
+        own = {name: arrays[name] for name in State._named()}
+        changes: dict[str, dict[str, FloatArray | IntArray]] = {}
+        for name, values in arrays.items():
+            body, _, field = name.partition(".")
+            if field and body in ("axle", "wheel"):
+                changes.setdefault(body, {})[field] = values
+        return State(**{**own, **scalars}, changes=changes or None)  # type: ignore[arg-type]
+
+    @staticmethod
+    def _named() -> list[str]:
+        return [name for name in State.__dataclass_fields__ if name not in ("flow", "changes")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """The trial of one displacement; its state counts where Newton's method converged."""
+
+    state: State
+    report: Report
+    facets: FacetState
+    force: float
+    normal_force: float
+    friction_force: float  # axial resultant of the tangential traction
+    friction_bound: float  # integral of friction * pressure
+    strain_energy: float
+    dissipation: float
+    settled: Settled | None = None
+
+
+def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
+    """The increment that converged steps make up from the state before it, the last of which it ends with."""
+    last = steps[-1]
+    return Increment(
+        index=index,
+        displacement=last.state.displacement,
+        force=last.force,
+        normal_force=last.normal_force,
+        friction_force=last.friction_force,
+        mean_friction=last.friction_bound / last.normal_force if last.normal_force else 0.0,
+        max_pressure=float(last.facets.pressure.max(initial=0.0)),
+        active_facets=int((last.facets.status != OPEN).sum()),
+        sticking_facets=int((last.facets.status == STICK).sum()),
+        newton_iterations=sum(step.report.iterations for step in steps),
+        cutbacks=cutbacks,
+        residual=last.report.residual,
+        converged=last.report.converged,
+        strain_energy=last.strain_energy,
+        dissipation=sum(step.dissipation for step in steps),
+        plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
+        plastic_strain=0.0 if last.settled is None else last.settled.largest,
+        plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
+        work=_work([before, *(step.state for step in steps)]) if len(steps) > 1 else math.nan,
+        wall_s=wall_s,
+        facets=last.facets,
+    )
+
+
+def _work(states: list[State]) -> float:
+    """Work of the press [N mm] from state to state."""
+    return sum(
+        work_between(
+            (before.axial_force, before.friction_force),
+            (after.axial_force, after.friction_force),
+            after.displacement - before.displacement,
+        )
+        for before, after in pairwise(states)
+    )
