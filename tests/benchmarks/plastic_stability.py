@@ -1,0 +1,169 @@
+"""Does every increment of every built-in scene converge when its steel yields, however soft and however rough?
+
+    python -m tests.benchmarks plastic_stability [SCENE ...] [--set key=value ...] [--quick]
+
+Every built-in scene with yield stresses of 250 to 540 MPa, linear kinematic hardening of 0, 2 and 10 GPa, and friction
+of 0, 0.11 and 0.3. A run ends converged, or in one line that says what is wrong; a run that ends is judged by its
+doubts, and by what must hold whatever the scene: forces in balance, and no stress beyond the yield stress and what
+hardening adds to it. What breaks that without a doubt is silently wrong. Ends with 1 where a run did not converge or
+was silently wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from macrofit.errors import MacrofitError
+from macrofit.results.doubts import doubts
+from macrofit.scene import load_scene, scene_names
+from macrofit.solution import Solution
+from macrofit.solve import solve
+
+from ._measure import head, row
+
+YIELDS = (250.0, 350.0, 420.0, 540.0)
+KINEMATIC = (0.0, 2e3, 1e4)
+FRICTION = (0.0, 0.11, 0.3)
+QUICK = ("contact-patch", "lame-rings")
+
+BALANCE = 1e-9
+"""Largest |pushing force - reaction| over the force."""
+BEYOND = 1e-2
+"""Largest part of the yield stress by which a stress may lie beyond it: the iterations leave 1e-3 of a step's flow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One run: its scene, and how both bodies yield and rub."""
+
+    scene: str
+    stress: float
+    kinematic: float
+    friction: float
+
+    @property
+    def overrides(self) -> list[str]:
+        """What is changed in the scene."""
+        hardening = ("hardening.law=linear", f"hardening.kinematic={self.kinematic}")
+        steel = (f"yield_stress={self.stress}", *hardening)
+        uniform = ("friction.provider=uniform", f"friction.options={{coefficient = {self.friction}}}")
+        bodies = [f"{body}.material.{key}" for body in ("axle", "wheel") for key in steel]
+        return [*bodies, *uniform, "output.fields_at=[]", "output.frames=0"]
+
+    def __str__(self) -> str:
+        """In a line."""
+        return f"{self.scene}, yield {self.stress:g} MPa, H {self.kinematic:g} MPa, friction {self.friction:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a case ended."""
+
+    case: Case
+    solution: Solution | None
+    error: str = ""
+    doubts: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
+
+    @property
+    def unconverged(self) -> bool:
+        """Whether it ended early, or has an increment that did not converge."""
+        return self.solution is None or not all(record.converged for record in self.solution.increments)
+
+    @property
+    def silent(self) -> bool:
+        """Whether something is wrong and nothing was said."""
+        return bool(self.broken) and not self.doubts
+
+
+def broken(case: Case, solution: Solution) -> Iterator[str]:
+    """What must hold and does not."""
+    numbers = [solution.energy_balance, solution.force_balance or 0.0, *solution.force]
+    if not np.isfinite(numbers).all():
+        yield "a number that is none"
+    if (solution.force_balance or 0.0) > BALANCE:
+        yield f"forces out of balance by {solution.force_balance:.1e}"
+    for body, extreme in solution.max_von_mises.items():
+        reach = case.stress * (1.0 + BEYOND) + case.kinematic * solution.flowed[body].value
+        if extreme.value > reach:
+            yield f"{extreme.value:.4g} MPa in the {body}, beyond {reach:.4g}"
+
+
+def run(case: Case, overrides: Sequence[str] = ()) -> Outcome:
+    """Solve a case and judge what it leaves."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            solution = solve(load_scene(case.scene, [*case.overrides, *overrides]))
+    except MacrofitError as error:
+        return Outcome(case=case, solution=None, error=f"{type(error).__name__}: {error}")
+    told = tuple(doubts(solution))
+    return Outcome(case=case, solution=solution, doubts=told, broken=tuple(broken(case, solution)))
+
+
+def line(scene: str, outcomes: Sequence[Outcome]) -> str:
+    """A scene's row of the table."""
+    solutions = [outcome.solution for outcome in outcomes if outcome.solution is not None]
+    records = [record for solution in solutions for record in solution.increments]
+    sound = [o.solution.energy_balance for o in outcomes if o.solution is not None and not o.doubts]
+    return row(
+        scene,
+        len(outcomes),
+        len(records),
+        sum(outcome.unconverged for outcome in outcomes),
+        sum(record.cutbacks for record in records),
+        sum(bool(outcome.doubts) for outcome in outcomes),
+        sum(outcome.silent for outcome in outcomes),
+        max((record.plastic_iterations for record in records), default=0),
+        f"{np.mean([record.plastic_iterations for record in records] or [0]):.1f}",
+        f"{max(sound, default=0.0):.1e}",
+        f"{max((record.plastic_strain for record in records), default=0.0):.2g}",
+    )
+
+
+def main(words: Sequence[str]) -> int:
+    """Run all cases; print a row of each scene, and what was said of which run."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks plastic_stability", description=__doc__)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="built-in scenes; all of them by default")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
+    parser.add_argument("--quick", action="store_true", help="two scenes and elements of order 1")
+    options = parser.parse_args(words)
+    if options.quick:
+        options.scenes, options.overrides = QUICK, [*options.overrides, "mesh.order=1"]
+    print(
+        head(
+            "scene", "runs", "increments", "not converged", "cutbacks", "doubtful", "silently wrong",
+            "most iterations in one", "on average", "energy balance without a doubt", "largest plastic strain",
+        )
+    )  # fmt: skip
+    every: list[Outcome] = []
+    for scene in options.scenes or scene_names():
+        outcomes = []
+        for stress, kinematic, friction in product(YIELDS, KINEMATIC, FRICTION):
+            case = Case(scene=scene, stress=stress, kinematic=kinematic, friction=friction)
+            outcomes.append(run(case, options.overrides))
+            print(case, outcomes[-1].error, *outcomes[-1].doubts, sep="; ", file=sys.stderr, flush=True)
+        print(line(scene, outcomes), flush=True)
+        every += outcomes
+    return said(every)
+
+
+def said(outcomes: Sequence[Outcome]) -> int:
+    """Print what was doubtful, failed or silently wrong; 1 where anything but a doubt was found."""
+    failed = sum(outcome.unconverged or outcome.silent for outcome in outcomes)
+    kinds = Counter(sentence.partition(":")[0] for outcome in outcomes for sentence in outcome.doubts)
+    counted = ", ".join(f"{kind} {count}" for kind, count in kinds.most_common())
+    print(f"\n{len(outcomes)} runs, {failed} not converged or silently wrong. Doubts: {counted or 'none'}.\n")
+    for outcome in outcomes:
+        for text in (outcome.error, *outcome.broken, *outcome.doubts):
+            if text:
+                print(f"- {outcome.case}: {text}")
+    return int(bool(failed))
