@@ -16,7 +16,7 @@ from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
-from .contact.release import let_go, release
+from .contact.release import FIRST_WAY, let_go, release
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
@@ -30,6 +30,12 @@ if TYPE_CHECKING:
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
+
+PARTS = 16
+"""Steps in which the press lets go, the first the shortest: force and slip change most at once."""
+
+HELD = 1e-9
+"""Force from outside over the loads of the contact below which the press holds nothing: a mesh leaves 2e-10."""
 
 TILE = 1.0  # mm, length of a friction tile
 
@@ -66,6 +72,7 @@ class Press:
         return State(
             displacement=self.scene.displacements[0],
             direction=0.0,
+            friction_force=0.0,
             seat_displacement=np.zeros(2 * self.seat.loaded),
             bore_displacement=np.zeros(2 * len(self.bore.nodes)),
             seat_load=np.zeros(2 * self.seat.loaded),
@@ -88,22 +95,45 @@ class Press:
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
-            steps, cutbacks = self.advance_to(state, displacement)
-            state = self._committed(state, steps[-1].state)
-            yield accepted(index, steps, cutbacks, time.perf_counter() - started), state
+            before, (steps, cutbacks) = state, self.advance_to(state, displacement)
+            state = self._committed(before, steps[-1].state)
+            yield accepted(index, before, steps, cutbacks, time.perf_counter() - started), state
         planned = len(self.scene.displacements)
-        if self.scene.motion.release and first <= planned and state.axial_force != 0.0:
+        held = abs(state.axial_force) > HELD * float(np.abs(state.seat_load).sum())
+        if self.scene.motion.release and first <= planned and held:
             started = time.perf_counter()
-            step = self.release(state)
-            yield accepted(planned, [step], 0, time.perf_counter() - started), self._committed(state, step.state)
+            steps, cutbacks = self.release(state)
+            after = self._committed(state, steps[-1].state)
+            yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started), after
 
-    def release(self, state: State) -> Step:
-        """The step in which the press lets go: the wheel moves back until no force is left.
+    def release(self, state: State) -> tuple[list[Step], int]:
+        """The steps in which the press lets go, and their cutbacks: the wheel moves back until no force is left.
+
+        How far, one step tells. The way is then gone in `PARTS`, for friction reverses along it from the ends of the fit.
 
         Raises:
             ConvergenceError: there is no such displacement, or no equilibrium at it.
         """
-        free = let_go(lambda displacement: self.trial(state, displacement), state.displacement, state.axial_force)
+        way = self._let_go(state).state.displacement - state.displacement
+        steps: list[Step] = []
+        cutbacks, here = 0, state
+        for part in range(1, PARTS):
+            more, cut = self.advance_to(here, state.displacement + way * (part / PARTS) ** 2)
+            if more[-1].force * state.axial_force <= 0.0:
+                break
+            steps, cutbacks, here = steps + more, cutbacks + cut, more[-1].state
+        left = abs(state.displacement + way - here.displacement)
+        return [*steps, self._let_go(here, 0.5 * left)], cutbacks
+
+    def _let_go(self, state: State, first: float = FIRST_WAY) -> Step:
+        """The single step to where no force is left."""
+
+        def fit_at(displacement: float) -> Step:
+            return self.trial(state, displacement)
+
+        free = let_go(fit_at, state.displacement, state.axial_force, first)
+        if free is None:
+            free = let_go(fit_at, state.displacement, state.axial_force)
         if free is None or not free.report.converged:
             raise ConvergenceError(
                 f"motion.release: no displacement without force was found from {state.displacement:.6g} mm on; "
@@ -361,9 +391,11 @@ class Press:
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
         status = settled_status(report, contact, friction, slip, moved)
         facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
+        friction_force = float(weight @ (answer.traction[1] * contact.covered.normals[:, 0]))
         after = State(
             displacement=displacement,
             direction=float(np.sign(moved)) or state.direction,
+            friction_force=friction_force,
             seat_displacement=displacements[0],
             bore_displacement=displacements[1],
             seat_load=seat_load,
@@ -383,7 +415,7 @@ class Press:
             facets=facets,
             force=contact.axial_force(answer.total),
             normal_force=float(weight @ pressure),
-            friction_force=float(weight @ (answer.traction[1] * contact.covered.normals[:, 0])),
+            friction_force=friction_force,
             friction_bound=float(weight @ (friction * pressure)),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy as np
 from .base.arrays import FloatArray, IntArray
 from .contact.newton import Report
 from .contact.status import OPEN, STICK
-from .solution import FacetState, Increment
+from .solution import FacetState, Increment, work_between
 
 if TYPE_CHECKING:
     from .plasticity.body import Changes
@@ -23,6 +25,7 @@ class State:
 
     displacement: float
     direction: float  # sign of the last motion
+    friction_force: float  # axial resultant of the tangential traction [N]
     seat_displacement: FloatArray  # (2 loaded nodes,) [mm]
     bore_displacement: FloatArray  # (2 bore nodes,) [mm]
     seat_load: FloatArray  # (2 loaded nodes,) [N]
@@ -51,7 +54,7 @@ class State:
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction")}
+        scalars = {name: float(arrays[name]) for name in ("displacement", "direction", "friction_force")}
         own = {name: arrays[name] for name in State._named()}
         changes: dict[str, dict[str, FloatArray | IntArray]] = {}
         for name, values in arrays.items():
@@ -81,8 +84,8 @@ class Step:
     settled: Settled | None = None
 
 
-def accepted(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
-    """The increment that converged steps make up, the last of which it ends with."""
+def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
+    """The increment that converged steps make up from the state before it, the last of which it ends with."""
     last = steps[-1]
     return Increment(
         index=index,
@@ -103,6 +106,19 @@ def accepted(index: int, steps: list[Step], cutbacks: int, wall_s: float) -> Inc
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
+        work=_work([before, *(step.state for step in steps)]) if len(steps) > 1 else math.nan,
         wall_s=wall_s,
         facets=last.facets,
+    )
+
+
+def _work(states: list[State]) -> float:
+    """Work of the press [N mm] from state to state."""
+    return sum(
+        work_between(
+            (before.axial_force, before.friction_force),
+            (after.axial_force, after.friction_force),
+            after.displacement - before.displacement,
+        )
+        for before, after in pairwise(states)
     )

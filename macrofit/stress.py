@@ -86,8 +86,7 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
     if not scene.output.fields or not travels:
         return []
     asked = scene.output.fields_at
-    at = [travels[-1]] if asked is None else list(asked)
-    numbers = {int(np.abs(np.array(travels) - u).argmin()) for u in at}
+    numbers = {len(travels) - 1} if asked is None else {int(np.abs(np.array(travels) - u).argmin()) for u in asked}
     numbers |= {int(k) for k in np.linspace(0, len(travels) - 1, min(scene.output.frames, len(travels))).round()}
     return sorted(numbers)
 

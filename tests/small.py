@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -19,6 +20,9 @@ from macrofit.solve import solve
 _solved: dict[bytes, Solution] = {}
 
 NO_FIELDS = ("output.stress=false", "output.fields_at=[]")
+HARDENING = ("yield_stress=350", "hardening.law=linear", "hardening.kinematic=5000")
+YIELDING = tuple(f"{body}.material.{key}" for body in ("axle", "wheel") for key in HARDENING)
+"""Overrides: both bodies of a scene yield at 350 MPa and harden kinematically."""
 
 
 def small_press(*overrides: str, fields: bool = False) -> Scene:
@@ -36,6 +40,15 @@ def small_press(*overrides: str, fields: bool = False) -> Scene:
             *overrides,
         ],
     )
+
+
+def small_path(path: Sequence[float], *overrides: str, fields: bool = False) -> Scene:
+    """The same wheelset along displacements [mm] that may turn."""
+    scene = small_press(*overrides, fields=fields)
+    motion = msgspec.structs.replace(
+        scene.motion, displacements=tuple(path), start=0.0, travel=0.0, increment=1.0
+    )
+    return msgspec.structs.replace(scene, motion=motion)
 
 
 def solved(scene: Scene) -> Solution:

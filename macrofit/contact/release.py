@@ -13,9 +13,13 @@ from .newton import Report
 
 FREE = 1e-10
 """Largest force from outside that is left, over the force that friction can carry; Newton's method leaves 1e-12."""
+ROUNDING = 1e-12
+"""The same over the normal force, where nothing rubs."""
 MOST_STEPS = 20
 """How often the support gives way before its force turns; two do where no facet slips, for the force is linear then."""
 
+HALVINGS = 14
+"""How often the interval is halved in which bodies part."""
 
 FIRST_WAY, LAST_WAY = 1e-6, 50.0
 """First and last distance by which a press goes back [mm]; each is four times the one before."""
@@ -32,6 +36,11 @@ class Fit(Protocol):
     @property
     def force(self) -> float:
         """Axial force from outside [N]."""
+        ...
+
+    @property
+    def normal_force(self) -> float:
+        """Integral of the pressure [N]."""
         ...
 
     @property
@@ -71,22 +80,27 @@ def release(fit_at: Callable[[float], Solved], flexibility: float) -> Solved:
     return held
 
 
-def let_go(fit_at: Callable[[float], Solved], start: float, force: float) -> Solved | None:
+def let_go(
+    fit_at: Callable[[float], Solved], start: float, force: float, first: float = FIRST_WAY
+) -> Solved | None:
     """The fit after the press let go: the wheel goes back, or on, until no force is left.
 
     Args:
         fit_at: solves the move from the start to a displacement [mm].
         start: displacement at which the press holds the wheel [mm].
         force: its force there [N].
+        first: how far it goes first [mm].
 
     Returns:
-        That fit, or one that did not converge; None where the force never turns within `LAST_WAY`.
+        That fit, or one that did not converge; None where the force never turns within `LAST_WAY`, or within ``first``.
     """
-    way = FIRST_WAY
+    way = first
     known: dict[float, Solved] = {}
     while way <= LAST_WAY:
         at = start - math.copysign(way, force)
         before, known = known, {at: fit_at(at)}
+        if known[at].force == 0.0 and known[at].report.converged and before:
+            return _parted(fit_at, *before, at)
         if _ends(known[at]):
             return known[at]
         if known[at].force * force < 0.0:
@@ -95,9 +109,25 @@ def let_go(fit_at: Callable[[float], Solved], start: float, force: float) -> Sol
     return None
 
 
+def _parted(fit_at: Callable[[float], Solved], held: float, parted: float) -> Solved:
+    """The fit just beyond where bodies part between two displacements [mm]: their force is 0 from there on."""
+    free = fit_at(parted)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (held + parted)
+        fit = fit_at(middle)
+        if not fit.report.converged:
+            return fit
+        if fit.force == 0.0:
+            parted, free = middle, fit
+        else:
+            held = middle
+    return free
+
+
 def _ends(fit: Fit) -> bool:
     """Whether the search ends here: free, or not converged, which refuses the increment."""
-    return not fit.report.converged or abs(fit.force) <= FREE * fit.friction_bound
+    free = max(FREE * fit.friction_bound, ROUNDING * fit.normal_force)
+    return not fit.report.converged or abs(fit.force) <= free
 
 
 def _between(fit_at: Callable[[float], Solved], known: dict[float, Solved]) -> Solved:

@@ -132,12 +132,14 @@ def _yield(solution: Solution) -> Iterator[str]:
 
 
 def _large_strain(solution: Solution) -> Iterator[str]:
-    for body, zone in solution.flowed.items():
-        if zone.value > LARGE_STRAIN:
-            yield (
-                f"large strain: the {body} flowed by {zone.value:.2g}, and small strain theory ends at "
-                f"{LARGE_STRAIN:g}; give {body}.material.hardening, or a smaller interference or friction"
-            )
+    """Flow beyond small strain theory; of which body is known where stresses were asked for."""
+    most = max((record.plastic_strain for record in solution.increments), default=0.0)
+    if not most <= LARGE_STRAIN:  # so that NaN is doubtful
+        flowed = [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN]
+        yield (
+            f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
+            f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
+        )
 
 
 def _facets(solution: Solution) -> Iterator[str]:

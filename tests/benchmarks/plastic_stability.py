@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -101,7 +100,7 @@ def run(case: Case, overrides: Sequence[str] = ()) -> Outcome:
     """Solve a case and judge what it leaves."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")
+            warnings.simplefilter("error", RuntimeWarning)
             solution = solve(load_scene(case.scene, [*case.overrides, *overrides]))
     except MacrofitError as error:
         return Outcome(case=case, solution=None, error=f"{type(error).__name__}: {error}")
@@ -157,13 +156,15 @@ def main(words: Sequence[str]) -> int:
 
 
 def said(outcomes: Sequence[Outcome]) -> int:
-    """Print what was doubtful, failed or silently wrong; 1 where anything but a doubt was found."""
+    """Print what was doubtful, failed or silently wrong, a line of each kind; 1 where anything but a doubt was."""
     failed = sum(outcome.unconverged or outcome.silent for outcome in outcomes)
-    kinds = Counter(sentence.partition(":")[0] for outcome in outcomes for sentence in outcome.doubts)
-    counted = ", ".join(f"{kind} {count}" for kind, count in kinds.most_common())
-    print(f"\n{len(outcomes)} runs, {failed} not converged or silently wrong. Doubts: {counted or 'none'}.\n")
+    told: dict[tuple[str, str], list[str]] = {}
     for outcome in outcomes:
-        for text in (outcome.error, *outcome.broken, *outcome.doubts):
-            if text:
-                print(f"- {outcome.case}: {text}")
+        silent = outcome.broken if outcome.silent else ()
+        for text in filter(None, (outcome.error, *silent, *outcome.doubts)):
+            kind = f"silently wrong, {text}" if text in silent else text
+            told.setdefault((outcome.case.scene, kind.partition(":")[0]), []).append(f"{outcome.case}: {text}")
+    print(f"\n{len(outcomes)} runs, {failed} not converged or silently wrong.\n")
+    for (scene, kind), texts in told.items():
+        print(f"- {scene}, {kind}: {len(texts)}. The last is {texts[-1]}")
     return int(bool(failed))

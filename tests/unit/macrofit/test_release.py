@@ -23,6 +23,7 @@ class Point:
     force: float
     report: Report
     friction_bound: float = BOUND
+    normal_force: float = 10.0 * BOUND
 
 
 def curve(
