@@ -90,9 +90,10 @@ def interface(solution: Solution) -> Any:
     last = shown[-1]
     bound = last.facets.friction * last.facets.pressure
     style = {"color": VERMILION, "lw": 1.0, "ls": (0, (4, 2)), "baseline": None}
-    for sign in (1.0, -1.0):
-        if (sign * last.facets.traction).max() > 0.0:
-            lower.stairs(sign * bound, solution.seat, label=f"friction bound at {last.displacement:g} mm", **style)
+    signs = [sign for sign in (1.0, -1.0) if (sign * last.facets.traction).max() > 0.0]
+    for k, sign in enumerate(signs):
+        label = "" if k else f"friction bound at {last.displacement:g} mm"
+        lower.stairs(sign * bound, solution.seat, label=label, **style)
     upper.set_ylabel("contact pressure [MPa]")
     lower.set_ylabel("shear on the axle [MPa]")
     coordinate = "z along the axle" if solution.scene.direction == "radial" else "radius r"
