@@ -45,9 +45,7 @@ def small_press(*overrides: str, fields: bool = False) -> Scene:
 def small_path(path: Sequence[float], *overrides: str, fields: bool = False) -> Scene:
     """The same wheelset along displacements [mm] that may turn."""
     scene = small_press(*overrides, fields=fields)
-    motion = msgspec.structs.replace(
-        scene.motion, displacements=tuple(path), start=0.0, travel=0.0, increment=1.0
-    )
+    motion = msgspec.structs.replace(scene.motion, displacements=tuple(path), start=0.0, travel=0.0, increment=1.0)
     return msgspec.structs.replace(scene, motion=motion)
 
 

@@ -80,9 +80,7 @@ def release(fit_at: Callable[[float], Solved], flexibility: float) -> Solved:
     return held
 
 
-def let_go(
-    fit_at: Callable[[float], Solved], start: float, force: float, first: float = FIRST_WAY
-) -> Solved | None:
+def let_go(fit_at: Callable[[float], Solved], start: float, force: float, first: float = FIRST_WAY) -> Solved | None:
     """The fit after the press let go: the wheel goes back, or on, until no force is left.
 
     Args:
@@ -100,7 +98,7 @@ def let_go(
         at = start - math.copysign(way, force)
         before, known = known, {at: fit_at(at)}
         if known[at].force == 0.0 and known[at].report.converged and before:
-            return _parted(fit_at, *before, at)
+            return _parted(fit_at, max(before) if force < 0.0 else min(before), at)
         if _ends(known[at]):
             return known[at]
         if known[at].force * force < 0.0:
