@@ -21,11 +21,11 @@ class Preset(NamedTuple):
 
 
 PRESETS: dict[str, Preset] = {
-    "slow": Preset("the defaults, slid so slowly that nothing swings", {}),
+    "slow": Preset(told="the defaults, slid so slowly that nothing swings", tables={}),
     "as-published": Preset(
-        "plates of 1000 spheres on beams as printed by Lalleman et al., slid near the resonance of these beams: one "
+        told="plates of 1000 spheres on beams as printed by Lalleman et al., slid near the resonance of these beams: one "
         "reading of the paper, in which a micro coefficient of 0.07 gives 0.11",
-        {
+        tables={
             "surface": {
                 "form": "tiles",
                 "generator": "diamond_square",
