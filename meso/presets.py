@@ -23,8 +23,8 @@ class Preset(NamedTuple):
 PRESETS: dict[str, Preset] = {
     "slow": Preset(told="the defaults, slid so slowly that nothing swings", tables={}),
     "as-published": Preset(
-        told="plates of 1000 spheres on beams as printed by Lalleman et al., slid near the resonance of these beams: one "
-        "reading of the paper, in which a micro coefficient of 0.07 gives 0.11",
+        told="plates of 1000 spheres on beams as printed by Lalleman et al., slid near the resonance of these beams: "
+        "one reading of the paper, in which a micro coefficient of 0.07 gives 0.11",
         tables={
             "surface": {
                 "form": "tiles",
