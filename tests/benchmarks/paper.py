@@ -128,6 +128,35 @@ def rows(small: Sequence[str], count: int) -> Iterator[str]:
     )
     told = f"{scatter:.1%}; over the root of {tiles} tiles {scatter / np.sqrt(tiles):.2%}"
     yield row("scatter of the seat tiles' mean coefficients", "", told)
+    yield from yielding(small, float(uniform.force[-1]))
+
+
+STEELS = {
+    "both of 420 MPa, kinematic hardening of 5 GPa": {
+        "yield_stress": "420",
+        "hardening": "{law='linear', kinematic=5000}",
+    },
+    "axle EA4T, wheel ER8": {"grade": "EA4T", "wheel": "ER8"},
+}
+"""Steels that yield: keys of the material of both bodies, and the wheel's own grade."""
+
+
+def yielding(small: Sequence[str], elastic: float) -> Iterator[str]:
+    """Force and largest stress where the steel yields, on uniform 0.11 and on plates as published at 0.07."""
+    published = (*NETWORK, "friction.options.plates='as-published'")
+    for told, keys in STEELS.items():
+        grades = [f"wheel.material.grade={keys['wheel']}"] if "wheel" in keys else []
+        both = [f"{body}.material.{key}={value}" for body in BODIES for key, value in keys.items() if key != "wheel"]
+        for what, friction in (("uniform 0.11", ()), ("as published, 0.07", published)):
+            found = solve(load_scene("wheelset", [*small, *both, *grades, *friction]), MPI.COMM_SELF)
+            axle, wheel = (f"{value:.0f}" for value in stresses(found))
+            force = f"{found.force[-1] / 1e6:.3f} MN ({found.force[-1] / elastic - 1:+.1%} of elastic, uniform)"
+            paper = "676.4" if not friction else "512.9"
+            flowed = ", ".join(f"{found.flowed[body].value:.2%}" for body in BODIES if body in found.flowed)
+            yield row(
+                f"{told}, {what}: force at the end; largest von Mises stress [MPa], plastic strain", paper,
+                f"{force}; axle {axle}, wheel {wheel}; {flowed}",
+            )  # fmt: skip
 
 
 def main(words: Sequence[str]) -> int:
