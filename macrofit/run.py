@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from .base.files import remove_drafts
 from .base.ranks import raise_together
 from .bodies.outlook import seat_ends
 from .errors import MacrofitError
@@ -14,6 +15,7 @@ from .friction import GivenFriction, ScriptFriction
 from .monitor import Monitor, Several, Silent, on_screen
 from .results.doubts import allow_none
 from .results.folder import (
+    FIELDS,
     JOURNAL,
     SUMMARY,
     CurveFile,
@@ -89,6 +91,7 @@ def open_folder(folder: Path, scene: Scene, *, resume: bool) -> tuple[Journal, C
     else:
         journal = Journal.start(path, scene, replace=(folder / SUMMARY).exists())
         clear(folder)
+    remove_drafts(folder, folder / FIELDS)
     write_scene(folder, scene)
     return journal, CurveFile(folder, [record for record, _ in journal.records()])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from macrofit.base.files import alone_in
+from macrofit.base.files import alone_in, remove_drafts
 
 from .friction_test import FrictionTest, engine_name, prepared, slid
 from .monitor import Monitor
@@ -23,6 +23,7 @@ def carry_out(settings: Settings, folder: Path, monitor: Monitor, *, figures: bo
         MesoError: what cannot be computed or written; the slides that were done are in the folder.
     """
     with alone_in(folder):
+        remove_drafts(folder)
         return _carry_out(settings, folder, monitor, figures=figures)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -125,6 +126,19 @@ def replacing(path: Path) -> Iterator[Path]:
             os.replace(draft, path)
         finally:
             draft.unlink(missing_ok=True)
+
+
+DRAFT = re.compile(r"\.\w[\w.-]*\.[a-z0-9_]{8}\.(?:csv|h5|json|npz|png|pvd|toml|vtk|vtu)")
+"""Names of drafts, see `replacing`."""
+
+
+def remove_drafts(*folders: Path) -> None:
+    """Remove the drafts of a process that was killed; call it where no other process may write into the folders."""
+    for folder in folders:
+        with suppress(OSError):
+            for path in folder.iterdir():
+                if DRAFT.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

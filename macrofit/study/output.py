@@ -12,7 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from ..base.files import write_json, write_text, writing
+from ..base.files import remove_drafts, write_json, write_text, writing
 from ..base.progress import duration, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_lines
@@ -46,6 +46,7 @@ def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
                 f"choose another folder with -o, or delete this one"
             )
     kept = StudyFile(path, replace=not resume)
+    remove_drafts(folder, folder / FIELDS)
     if resume:  # what is there stays until it is written anew: a run may still be refused
         return kept
     with writing(folder):

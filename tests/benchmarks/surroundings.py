@@ -4,7 +4,7 @@
 
 Each command that writes, on toy inputs: without a home or any cache to write to, from a package that cannot be
 written, with damaged compiled code, with stdout closed or full, on disks of 4 kB to 1 MB. It must work, or say one line
-and exit with 2; after a full disk the same command must go on where there is room.
+and exit with 2.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from macrofit.base.files import (
     cache_folder,
     check_regular,
     read_regular,
+    remove_drafts,
     replacing,
     write_text,
 )
@@ -123,3 +124,15 @@ def test_a_bound_takes_no_memory(tmp_path: Path) -> None:
         assert read_regular(tmp_path / "small", 2 * 10**12) == b"12345"
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def test_drafts_of_a_killed_process_are_removed_and_nothing_else(tmp_path: Path) -> None:
+    with replacing(tmp_path / "axle_0000.vtu") as draft:
+        left = tmp_path / draft.name
+        kept = [tmp_path / name for name in (".hidden", ".notes.csv", "summary.json", ".a.b.json")]
+        for path in kept:
+            path.write_text("mine")
+        remove_drafts(tmp_path, tmp_path / "nothing")
+        assert not left.exists()
+        draft.write_text("")
+    assert all(path.exists() for path in kept)
