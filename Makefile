@@ -108,7 +108,8 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper --points 9 --seeds 5
 	            surrogate table $$made.h5 -o $(MODELS)/$$preset-train.csv.gz
 	            surrogate table $$made-evaluation.h5 -o $(MODELS)/$$preset-evaluation.csv.gz
-	            cp $$made-energy.safetensors $$made-cnn.safetensors $(MODELS) ;;
+	            cp $$made-energy.safetensors $$made-cnn.safetensors $(MODELS)
+	            cp $$made-cnn.loss.png docs/$$preset-loss.png ;;
 	    esac
 	    surrogate evaluate --preset $$preset -o $$made-evaluated
 	done
