@@ -109,7 +109,7 @@ class Press:
     def release(self, state: State) -> tuple[list[Step], int]:
         """The steps in which the press lets go, and their cutbacks: the wheel moves back until no force is left.
 
-        How far, one step tells. The way is then gone in `PARTS`, for friction reverses along it from the ends of the fit.
+        One step tells how far. The way is then gone in `PARTS`, for friction turns along it from the ends of the fit.
 
         Raises:
             ConvergenceError: there is no such displacement, or no equilibrium at it.

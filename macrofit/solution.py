@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -49,7 +48,7 @@ class Increment:
     dissipation: float  # N mm, by friction in this increment
     plastic_work: float = 0.0  # N mm, of both bodies in this increment
     plastic_strain: float = 0.0  # largest accumulated plastic strain so far
-    work: float = math.nan  # N mm, of the press, where this increment took several steps; NaN: by its ends alone
+    work: float = 0.0  # N mm, of the press in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     wall_s: float
     facets: FacetState = field(repr=False)
@@ -163,29 +162,16 @@ class Journal(Protocol):
         ...
 
 
-def work_between(before: tuple[float, float], after: tuple[float, float], moved: float) -> float:
-    """Work of the press [N mm] over a step [mm] between two forces, each with the part of friction in it [N].
-
-    In an implicit step friction dissipates at its final value, the elastic part of the force grows from its first
-    value to its last: so the work is taken too.
-    """
-    (first, first_friction), (last, friction) = before, after
-    elastic = 0.5 * (first - first_friction + last - friction)
-    return (elastic + friction) * moved
-
-
 def energy_balance(increments: Sequence[Increment]) -> float:
-    """|work - growth of the elastic energy - friction's and plastic work| / the largest of them on the way, from the first increment on.
+    """|work - growth of the elastic energy - friction's and plastic work| / the largest of them on the way.
 
-    The work is that of `work_between`. What is left is of second order in the increment where nothing else happens
-    within it, of first order where contact is made. Work below 1e-2 of the strain energy is taken as that much: where
-    nothing is to be moved (no friction), the balance is of rounding and mesh alone.
+    From the first increment on. What is left is of second order in the increment where nothing else happens within it,
+    of first order where contact is made. Work below 1e-2 of the strain energy is taken as that much: where nothing is
+    to be moved (no friction), the balance is of rounding and mesh alone.
     """
     work = stored = dissipated = most = 0.0
     for before, after in pairwise(increments):
-        ends = (before.force, before.friction_force), (after.force, after.friction_force)
-        whole = work_between(*ends, after.displacement - before.displacement)
-        work += whole if math.isnan(after.work) else after.work
+        work += after.work
         stored += after.strain_energy - before.strain_energy
         dissipated += after.dissipation + after.plastic_work
         most = max(most, abs(work), abs(stored))

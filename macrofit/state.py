@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import numpy as np
 from .base.arrays import FloatArray, IntArray
 from .contact.newton import Report
 from .contact.status import OPEN, STICK
-from .solution import FacetState, Increment, work_between
+from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
     from .plasticity.body import Changes
@@ -106,19 +105,20 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work([before, *(step.state for step in steps)]) if len(steps) > 1 else math.nan,
+        work=_work([before, *(step.state for step in steps)]),
         wall_s=wall_s,
         facets=last.facets,
     )
 
 
 def _work(states: list[State]) -> float:
-    """Work of the press [N mm] from state to state."""
-    return sum(
-        work_between(
-            (before.axial_force, before.friction_force),
-            (after.axial_force, after.friction_force),
-            after.displacement - before.displacement,
-        )
-        for before, after in pairwise(states)
-    )
+    """Work of the press [N mm] from state to state.
+
+    In an implicit step friction dissipates at its final value, the elastic part of the force grows from its first
+    value to its last: so the work is taken too.
+    """
+    work = 0.0
+    for before, after in pairwise(states):
+        elastic = 0.5 * (before.axial_force - before.friction_force + after.axial_force - after.friction_force)
+        work += (elastic + after.friction_force) * (after.displacement - before.displacement)
+    return work

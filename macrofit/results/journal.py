@@ -24,8 +24,8 @@ from ..solution import Increment
 from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 3
-"""Version of the frames and of what is in them; 2 had frames of another form."""
+VERSION = 4
+"""Version of the frames and of what is in them; 3 had increments without plastic work, 2 frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):

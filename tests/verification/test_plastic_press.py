@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -83,7 +82,8 @@ def test_cut_back_increments_count_the_work_of_their_steps(monkeypatch: pytest.M
     fine = solve(small_press(*YIELDING, *TO_40, "motion.increment=2.5"), MPI.COMM_SELF)
     failing(monkeypatch, 2.5)
     cut = solve(small_press(*YIELDING, *TO_40), MPI.COMM_SELF)
-    assert all(math.isnan(record.work) == (record.cutbacks == 0) for record in cut.increments)
+    ends = sum(record.work for record in fine.increments)
+    assert sum(record.work for record in cut.increments) == pytest.approx(ends, rel=1e-3)
     assert cut.energy_balance == pytest.approx(fine.energy_balance, rel=5e-2)
 
 
@@ -92,14 +92,14 @@ def test_a_killed_run_goes_on_to_the_same_files(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(dump_scene(small_press(*YIELDING, *TO_40, RELEASE, "output.stress=true")))
     kill = (
-        "import os, signal, sys\nfrom macrofit.cli import main\nimport macrofit.press as press\nold, count = press.accepted, 0\n"
-        "def accepted(*words):\n    global count\n    count += 1\n    if count > 4: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "    return old(*words)\npress.accepted = accepted\nmain(sys.argv[1:])"
+        "import os, signal, sys\nfrom macrofit.cli import main\nimport macrofit.press as press\n"
+        "old, count = press.accepted, 0\ndef accepted(*words):\n    global count\n    count += 1\n"
+        "    if count > 4: os.kill(os.getpid(), signal.SIGKILL)\n    return old(*words)\n"
+        "press.accepted = accepted\nmain(sys.argv[1:])"
     )
     words = ["run", str(path), "--quiet", "-o"]
-    done = subprocess.run(
-        [sys.executable, "-c", kill, *words, str(tmp_path / "killed")], capture_output=True, check=False
-    )
+    killed = [sys.executable, "-c", kill, *words, str(tmp_path / "killed")]
+    done = subprocess.run(killed, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     assert done.returncode == -9
     runner = CliRunner()
     assert runner.invoke(main, [*words, str(tmp_path / "killed"), "--resume"]).exit_code == 0
@@ -117,9 +117,9 @@ def test_a_killed_run_goes_on_to_the_same_files(tmp_path: Path) -> None:
 
 
 def test_energy_closes_with_the_plastic_work(found: Found) -> None:
-    """1 mm increments on 2 mm facets from first contact on; without the plastic work a third of all would be missing."""
-    scene = load_scene("wheelset", [*YIELDING, "mesh.seat_facet=2", "mesh.coarse=40", "motion.start=0", "motion.travel=60",
-                                    "output.stress=false", "output.fields_at=[]"])  # fmt: skip
+    """1 mm increments on 2 mm facets from first contact on; without the plastic work 3 % would be missing."""
+    coarse = ("mesh.seat_facet=2", "mesh.coarse=40", "motion.travel=60")
+    scene = load_scene("wheelset", [*YIELDING, *coarse, "output.stress=false", "output.fields_at=[]"])
     solution = solved(scene)
     assert found("energy balance of a press that yields, 2 mm facets, 1 mm increments", solution.energy_balance, 1e-3)
     assert all(record.plastic_work >= 0.0 for record in solution.increments)
@@ -133,7 +133,7 @@ def test_energy_closes_with_the_plastic_work(found: Found) -> None:
 @pytest.mark.parametrize("formulation", ["nitsche", "penalty"])
 @pytest.mark.parametrize("steel", [(), YIELDING], ids=["elastic", "yielding"])
 def test_the_press_lets_go(steel: tuple[str, ...], formulation: str, found: Found) -> None:
-    """No force is left and all forces balance; friction has turned at an end, and balances what is held elsewhere; the fit keeps its pressure."""
+    """No force is left, all forces balance; friction turned at an end and balances the rest; pressure stays."""
     solution = solved(small_press(*steel, RELEASE, f"contact.formulation={formulation}", fields=True))
     held, free = solution.increments[-2:]
     assert found("release: force over the peak", abs(free.force) / solution.force.max(), 1e-9)
@@ -233,9 +233,8 @@ def test_the_plastic_zone_is_the_rings(found: Found) -> None:
 
 
 def test_both_engines_yield_alike() -> None:
-    condensed, whole = (
-        solved(small_press(*YIELDING, "motion.travel=30", f"solver={s}")) for s in ("condensed", "monolithic")
-    )
+    scenes = (small_press(*YIELDING, "motion.travel=30", f"solver={name}") for name in ("condensed", "monolithic"))
+    condensed, whole = map(solved, scenes)
     assert condensed.force == pytest.approx(whole.force, abs=1e-9 * condensed.force.max())
 
 
@@ -256,16 +255,12 @@ def test_a_study_has_the_bits_of_single_runs(scene_file: Path) -> None:
     assert done.exit_code == 0, done.stderr
     with (scene_file.parent / "out" / "study.csv").open() as file:
         peaks = [float(row["peak_force_N"]) for row in csv.DictReader(file)]
-    alone = [
-        float(
-            solved(
-                load_scene(scene_file, [f"wheel.material.yield_stress={s}", f"friction.options.coefficient={mu}"])
-            ).force.max()
-        )
-        for s in (300, 400)
-        for mu in (0.1, 0.2)
-    ]
-    assert peaks == alone
+
+    def alone(stress: int, mu: float) -> float:
+        changes = [f"wheel.material.yield_stress={stress}", f"friction.options.coefficient={mu}"]
+        return float(solved(load_scene(scene_file, changes)).force.max())
+
+    assert peaks == [alone(stress, mu) for stress in (300, 400) for mu in (0.1, 0.2)]
     assert len(set(peaks)) == 4
 
 

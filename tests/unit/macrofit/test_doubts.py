@@ -83,6 +83,13 @@ def test_no_built_in_run_is_doubtful(name: str) -> None:
         (("contact.gamma0=0.1",), "weak contact"),
         (("contact.gamma0=0.1", "contact.theta=-1"), ""),
         (("wheel.bore_radius=50.1",), "clearance"),
+        (("wheel.material.yield_stress=400", "motion.increment=0.5"), ""),
+        (("wheel.material.yield_stress=400", "motion.increment=1.0"), "long steps for flow"),
+        (
+            ("axle.material.grade=EA4T", "mesh.order=1", "motion.increment=0.5", "output.stress=false"),
+            "flow of order 1",
+        ),
+        (("wheel.material.grade=ER8", "wheel.material.elastic=true", "mesh.order=1", "output.stress=false"), ""),
     ],
 )
 def test_what_a_scene_foretells(overrides: tuple[str, ...], kind: str, tmp_path: Path) -> None:
