@@ -98,7 +98,7 @@ def let_go(fit_at: Callable[[float], Solved], start: float, force: float, first:
         at = start - math.copysign(way, force)
         before, known = known, {at: fit_at(at)}
         if known[at].force == 0.0 and known[at].report.converged and before:
-            return _parted(fit_at, max(before) if force < 0.0 else min(before), at)
+            return _parted(fit_at, next(iter(before)), at)
         if _ends(known[at]):
             return known[at]
         if known[at].force * force < 0.0:
