@@ -16,11 +16,12 @@ from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
-from .contact.release import FIRST_WAY, let_go, release
+from .contact.release import release
 from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
+from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
 from .state import State, Step, accepted
@@ -30,12 +31,6 @@ if TYPE_CHECKING:
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
-
-PARTS = 16
-"""Steps in which the press lets go, the first the shortest: force and slip change most at once."""
-
-HELD = 1e-9
-"""Force from outside over the loads of the contact below which the press holds nothing: a mesh leaves 2e-10."""
 
 TILE = 1.0  # mm, length of a friction tile
 
@@ -99,47 +94,11 @@ class Press:
             state = self._committed(before, steps[-1].state)
             yield accepted(index, before, steps, cutbacks, time.perf_counter() - started), state
         planned = len(self.scene.displacements)
-        held = abs(state.axial_force) > HELD * float(np.abs(state.seat_load).sum())
-        if self.scene.motion.release and first <= planned and held:
+        if self.scene.motion.release and first <= planned and is_held(state):
             started = time.perf_counter()
-            steps, cutbacks = self.release(state)
+            steps, cutbacks = let_go(self, state)
             after = self._committed(state, steps[-1].state)
             yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started), after
-
-    def release(self, state: State) -> tuple[list[Step], int]:
-        """The steps in which the press lets go, and their cutbacks: the wheel moves back until no force is left.
-
-        One step tells how far. The way is then gone in `PARTS`, for friction turns along it from the ends of the fit.
-
-        Raises:
-            ConvergenceError: there is no such displacement, or no equilibrium at it.
-        """
-        way = self._let_go(state).state.displacement - state.displacement
-        steps: list[Step] = []
-        cutbacks, here = 0, state
-        for part in range(1, PARTS):
-            more, cut = self.advance_to(here, state.displacement + way * (part / PARTS) ** 2)
-            if more[-1].force * state.axial_force <= 0.0:
-                break
-            steps, cutbacks, here = steps + more, cutbacks + cut, more[-1].state
-        left = abs(state.displacement + way - here.displacement)
-        return [*steps, self._let_go(here, 0.5 * left)], cutbacks
-
-    def _let_go(self, state: State, first: float = FIRST_WAY) -> Step:
-        """The single step to where no force is left."""
-
-        def fit_at(displacement: float) -> Step:
-            return self.trial(state, displacement)
-
-        free = let_go(fit_at, state.displacement, state.axial_force, first)
-        if free is None:
-            free = let_go(fit_at, state.displacement, state.axial_force)
-        if free is None or not free.report.converged:
-            raise ConvergenceError(
-                f"motion.release: no displacement without force was found from {state.displacement:.6g} mm on; "
-                f"leave release out, and move the wheel back by motion.displacements"
-            )
-        return free
 
     def _committed(self, before: State, after: State) -> State:
         """The state after an increment; where steel may yield, with what changed in it."""

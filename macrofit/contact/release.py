@@ -1,6 +1,6 @@
 """A fit that nothing from outside holds along the axis: friction carries all.
 
-A wheel shrunk on in place (`release`) and a press that lets go (`let_go`) look for the same: the place without force.
+A wheel shrunk on in place (`release`) and a press that lets go (`force_free`) look for the place without force.
 """
 
 from __future__ import annotations
@@ -80,7 +80,9 @@ def release(fit_at: Callable[[float], Solved], flexibility: float) -> Solved:
     return held
 
 
-def let_go(fit_at: Callable[[float], Solved], start: float, force: float, first: float = FIRST_WAY) -> Solved | None:
+def force_free(
+    fit_at: Callable[[float], Solved], start: float, force: float, first: float = FIRST_WAY
+) -> Solved | None:
     """The fit after the press let go: the wheel goes back, or on, until no force is left.
 
     Args:

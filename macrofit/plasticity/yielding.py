@@ -28,6 +28,9 @@ from .body import BodyFlow, BodyStep, Changes, PlasticBody, changed
 TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
 
+ROUNDING = 1e-12
+"""Change that is none, relative to the plastic strain of the points so far: where nothing flows, rounding is left."""
+
 LIMIT = 60
 """Iterations before a step is given up."""
 
@@ -100,8 +103,8 @@ class Yielding:
             if iteration == 1:
                 self._widened(steps, u)
             reached = {name: step.flowed(u[name]) for name, step in steps.items()}
-            left, gained = self._norms(steps, reached)
-            if left <= TOLERANCE * gained:
+            left, gained, whole = self._norms(steps, reached)
+            if left <= max(TOLERANCE * gained, ROUNDING * whole):
                 if not self._widened(steps, u):
                     converged = True
                     break
@@ -143,15 +146,21 @@ class Yielding:
             converged=True,
         )
 
-    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float]:
-        """Norms of g(x) - x and of what the law gave in the step."""
+    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float, float]:
+        """Norms of g(x) - x, of what the law gave in the step, and of g(x)."""
         squares = {
-            name: np.array([np.square(step.scale * (reached[name] - step.x)).sum(), step.gained_square()])
+            name: np.array(
+                [
+                    _square(step.scale * (reached[name] - step.x)),
+                    step.gained_square(),
+                    _square(step.scale * reached[name]),
+                ]
+            )
             for name, step in steps.items()
         }
         shared = self._shared(squares)
-        left, gained = np.sqrt(sum(shared[name] for name in self.names))
-        return float(left), float(gained)
+        left, gained, whole = np.sqrt(sum(shared[name] for name in self.names))
+        return float(left), float(gained), float(whole)
 
     def _dot(self, steps: dict[str, BodyStep], left: FloatArray, right: FloatArray) -> FloatArray:
         """left @ right.T over all bodies, summed in the same order on any number of ranks."""
@@ -167,6 +176,10 @@ class Yielding:
         if self.comm.size == 1:
             return own
         return {name: self.comm.bcast(own.get(name), root=owner(self.comm, name)) for name in self.names}
+
+
+def _square(vector: FloatArray) -> float:
+    return float(np.square(vector).sum())
 
 
 def _joined(steps: dict[str, BodyStep], strains: dict[str, FloatArray]) -> FloatArray:

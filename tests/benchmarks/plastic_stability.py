@@ -36,7 +36,9 @@ QUICK = ("contact-patch", "lame-rings")
 BALANCE = 1e-9
 """Largest |pushing force - reaction| over the force."""
 BEYOND = 1e-2
-"""Largest part of the yield stress by which a stress may lie beyond it: the iterations leave 1e-3 of a step's flow."""
+"""Largest part of the yield stress by which a stress may lie beyond it."""
+LEFT = 1e-3
+"""The same of the stress that the plastic strain stands for: the iterations leave as much of a step's flow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +93,8 @@ def broken(case: Case, solution: Solution) -> Iterator[str]:
     if (solution.force_balance or 0.0) > BALANCE:
         yield f"forces out of balance by {solution.force_balance:.1e}"
     for body, extreme in solution.max_von_mises.items():
-        reach = case.stress * (1.0 + BEYOND) + case.kinematic * solution.flowed[body].value
+        strain, modulus = solution.flowed[body].value, getattr(solution.scene, body).material.shear_modulus
+        reach = case.stress * (1.0 + BEYOND) + (case.kinematic + LEFT * 3.0 * modulus) * strain
         if extreme.value > reach:
             yield f"{extreme.value:.4g} MPa in the {body}, beyond {reach:.4g}"
 
