@@ -173,8 +173,8 @@ def _yielding(scene: Scene) -> list[str]:
 def _linear_flow(scene: Scene) -> Iterator[str]:
     if scene.mesh.order == 1 and _yielding(scene):
         yield (
-            f"flow of order 1: the {' and the '.join(_yielding(scene))} may yield, for which elements of order 1 are too "
-            f"stiff (the largest plastic strain was off by up to 24 %); mesh.order = 2"
+            f"flow of order 1: the {' and the '.join(_yielding(scene))} may yield, for which elements of order 1 are "
+            f"too stiff (the largest plastic strain was off by up to 24 %); mesh.order = 2"
         )
 
 
