@@ -350,7 +350,7 @@ class ForwardModel:
         """
         if value in self.known:
             return self.known[value]
-        without = ["output.stress=false", "output.fields=[]", "output.frames=0"]
+        without = ["output.stress=false", "output.fields=[]", "output.frames=0", "motion.release=false"]
         changed = [*self.overrides, *without, f"{self.key}={value!r}"]
         scene = made_by_first(self.comm, lambda: load_scene(self.source, changed))
         if self._assembly is None or not self._assembly.serves(scene):

@@ -276,9 +276,10 @@ def test_a_study_has_the_bits_of_single_runs(scene_file: Path) -> None:
 
 
 def test_identify_finds_the_friction_of_a_fit_that_yields(scene_file: Path) -> None:
+    """... and is let go, which no measured curve of an insertion knows."""
     key = "friction.options.coefficient"
     solution = solved(load_scene(scene_file, [f"{key}=0.14", "motion.increment=2.5"]))
-    start = [f"{key}=0.1", "motion.increment=2.5"]
+    start = [f"{key}=0.1", "motion.increment=2.5", RELEASE]
     found = identify(scene_file, Measured(solution.displacement, solution.force), start)
     assert found.fit.value == pytest.approx(0.14, rel=2e-3)
 
