@@ -137,7 +137,7 @@ class Press:
             else:
                 halvings, cutbacks = halvings + 1, cutbacks + 1
                 if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
-                    remedy = "contact.gamma0 nearer to 10" if self.seat.nitsche else "contact.penalty_stiffness"
+                    remedy = self._remedy(step)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try a smaller motion.increment, "
@@ -146,6 +146,12 @@ class Press:
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
                 target = displacement
+
+    def _remedy(self, failed: Step) -> str:
+        """What may help a step that failed, beside a shorter one."""
+        if failed.settled is not None and not failed.settled.converged:
+            return "material.hardening or less friction, for plastic strain and contact did not settle"
+        return "contact.gamma0 nearer to 10" if self.seat.nitsche else "contact.penalty_stiffness"
 
     def trial(self, state: State, displacement: float) -> Step:
         """Solve one displacement from a committed state, which is left as it is.

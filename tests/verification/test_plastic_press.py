@@ -21,6 +21,7 @@ from verification.test_restart import Memory, failing
 
 from macrofit.cli import main
 from macrofit.contact.status import OPEN
+from macrofit.errors import ConvergenceError
 from macrofit.identify.fit import identify
 from macrofit.identify.measured import Measured
 from macrofit.scene import Scene, dump_scene, load_scene
@@ -54,6 +55,15 @@ def test_a_step_in_which_nothing_flows_ends() -> None:
     records = solved(scene).increments
     assert max(record.plastic_strain for record in records) > 1e-5
     assert not any(record.cutbacks for record in records)
+
+
+def test_flow_that_does_not_settle_is_said_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    """... and not as contact that does not; what was computed before stays."""
+    monkeypatch.setattr("macrofit.plasticity.yielding.LIMIT", 3)
+    kept = Memory([])
+    with pytest.raises(ConvergenceError, match=r"between displacements 12\.5 and .* mm .*material\.hardening"):
+        solve(small_press(*YIELDING, "motion.start=5", "motion.max_cutbacks=2"), MPI.COMM_SELF, journal=kept)
+    assert len(kept.kept) == 2
 
 
 # what a killed run goes on from
