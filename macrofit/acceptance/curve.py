@@ -20,6 +20,12 @@ class Found:
 
     value: float
     at: float  # mm
+    within: float = 0.0  # mm, length of the stretch that shows it, of a jump
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the points are close enough to tell a jump from a steep rise."""
+        return self.within <= SHORT + 1e-9
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,22 @@ class Dip:
     end: float  # mm, where it is again; the end of the curve where it is not
     depth: float  # N
     at: float  # mm, where it is deepest
+
+
+@dataclass(frozen=True)
+class Rises:
+    """Short stretches of a curve and what is gained in them, arrays (n,)."""
+
+    left: FloatArray  # mm
+    width: FloatArray  # mm
+    gain: FloatArray  # N, beyond the slope of the steeper neighbour
+
+    def largest(self, among: BoolArray) -> Found:
+        """The largest gain of those that count, 0 where none is above it."""
+        if not among.any():
+            return Found(0.0, 0.0)
+        worst = int(np.argmax(np.where(among, self.gain, -np.inf)))
+        return Found(max(float(self.gain[worst]), 0.0), float(self.left[worst]), float(self.width[worst]))
 
 
 class Curve:
@@ -66,15 +88,15 @@ class Curve:
         low, high = np.interp([begin + width, after], self.s, self.reached)
         slope = (high - low) / (after - begin - width) if after > begin + width else 0.0
         before = float(self.f[0]) if self.f[0] <= BEGINS * self.peak else 0.0  # a record may begin within the jump
-        first = Found(float(low - slope * width) - before, begin)  # the line along what follows, taken back
-        left, rise = self._rises()
-        later = _largest(rise, left, left < begin + BESIDE)
+        first = Found(float(low - slope * width) - before, begin, width)  # the line along what follows, taken back
+        rises = self._rises()
+        later = rises.largest(rises.left < begin + BESIDE)
         return max(first, later, key=lambda found: found.value)
 
     def step(self) -> Found:
         """The largest jump after that [N]."""
-        left, rise = self._rises()
-        return _largest(rise, left, left >= self.s[0] + BESIDE)
+        rises = self._rises()
+        return rises.largest(rises.left >= self.s[0] + BESIDE)
 
     def without_rise(self, noise: float) -> Found:
         """Longest stretch within which what was reached grows by less than ``noise`` of the peak [mm]."""
@@ -114,16 +136,13 @@ class Curve:
         """Length of the stretch after each point but the last that shows a jump [mm]: never less than to the next."""
         return np.maximum(SHORT, np.diff(self.s))
 
-    def _rises(self) -> tuple[FloatArray, FloatArray]:
-        """Where a stretch of `SHORT` begins [mm], and what is gained in it beyond the steeper neighbour's slope [N].
-
-        The recovery from a dip gains nothing: taken is what was reached.
-        """
+    def _rises(self) -> Rises:
+        """The stretches of `SHORT`, or to the next point; the recovery from a dip gains nothing."""
         width = self._widths()
         inside = (self.s[:-1] >= self.s[0] + width[0] - 1e-9) & (self.s[:-1] + width <= self.s[-1] + 1e-9)
         left, width = self.s[:-1][inside], width[inside]
         slope = np.maximum(self._slope(left - BESIDE, left), self._slope(left + width, left + width + BESIDE))
-        return left, self._at(left + width) - self._at(left) - slope * width
+        return Rises(left, width, self._at(left + width) - self._at(left) - slope * width)
 
     def _at(self, place: FloatArray) -> FloatArray:
         return np.interp(place, self.s, self.reached)
@@ -134,10 +153,3 @@ class Curve:
         length = right - left
         slope: FloatArray = np.where(length > 1e-9, (self._at(right) - self._at(left)) / np.maximum(length, 1e-9), 0.0)
         return slope
-
-
-def _largest(values: FloatArray, place: FloatArray, among: BoolArray) -> Found:
-    """The largest of the values that count, 0 where none is above it."""
-    counted = np.where(among, values, 0.0)
-    worst = int(np.argmax(counted)) if len(counted) else 0
-    return Found(float(counted[worst]), float(place[worst])) if len(counted) else Found(0.0, 0.0)

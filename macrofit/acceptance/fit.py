@@ -72,8 +72,9 @@ def yield_stresses(scene: Scene) -> dict[str, float]:
     return {}
 
 
-def measured_fit(diameter: float, length: float, displacement: FloatArray, force: FloatArray,
-                 interference: float | None = None) -> Fit:
+def measured_fit(
+    diameter: float, length: float, displacement: FloatArray, force: FloatArray, interference: float | None = None
+) -> Fit:
     """The press fit of a record.
 
     Args:

@@ -11,7 +11,7 @@ from .curve import Curve, Found
 from .fit import Fit
 from .standard import Limits, Standard, load_standard
 
-Result: TypeAlias = Literal["pass", "fail", "not applicable"]
+Result: TypeAlias = Literal["pass", "fail", "undecided", "not applicable"]
 Unit: TypeAlias = Literal["N", "mm", "1"]
 Word: TypeAlias = Literal["accepted", "refused", "undecided"]
 DEFAULT = "en-13260"
@@ -35,7 +35,7 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     at_mm: float | None = None  # displacement
     known: str = "unknown"  # how sure the limits are
     source: str = ""
-    note: str = ""  # why it is not applicable
+    note: str = ""  # why it is undecided or not applicable
 
     def in_words(self) -> str:
         """Value, place and limits, for people."""
@@ -105,8 +105,8 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
         wheel: type of wheel that picks the window of the final force; None: the standard's own choice.
 
     Returns:
-        `refused` where a check fails; `undecided` where none does and the final force cannot be judged; `accepted`
-        otherwise, which says nothing of checks that are not applicable.
+        `refused` where a check fails; `undecided` where none does, but one is undecided or the final force cannot be
+        judged; `accepted` otherwise, which says nothing of checks that are not applicable.
 
     Raises:
         StandardError: the standard does not know this type of wheel.
@@ -165,6 +165,15 @@ def _held(name: str, limits: Limits, found: Found | float | None, unit: Unit = "
     )  # fmt: skip
 
 
+def _jump(name: str, limits: Limits, found: Found) -> Check:
+    """The check of a jump: between points that are far apart, a large one may be a steep rise."""
+    check = _held(name, limits, found, "N")
+    if check.result != "fail" or found.resolved:
+        return check
+    note = f"the points are {found.within:.3g} mm apart there, too far to tell a jump from a steep rise"
+    return msgspec.structs.replace(check, result="undecided", note=note)
+
+
 def _length(fit: Fit, rules: Standard) -> Iterator[Check]:
     """Whether the window of the final force holds for this fit: outside, nothing is known, which is no refusal."""
     limits, ratio = rules.length_over_diameter, fit.length / fit.diameter
@@ -187,7 +196,7 @@ def _forces(fit: Fit, curve: Curve, rules: Standard, wheel: str | None) -> Itera
 
 
 def _beginning(fit: Fit, curve: Curve, rules: Standard, wheel: str | None) -> Iterator[Check]:
-    yield _held("start_jump", rules.start_jump, curve.start_jump(), "N")
+    yield _jump("start_jump", rules.start_jump, curve.start_jump())
     limits = rules.engaged_length
     short = limits.low is not None and fit.length < limits.low
     why = f"the fit itself is {fit.length:g} mm long" if short else ""
@@ -197,7 +206,7 @@ def _beginning(fit: Fit, curve: Curve, rules: Standard, wheel: str | None) -> It
 def _rise(fit: Fit, curve: Curve, rules: Standard, wheel: str | None) -> Iterator[Check]:
     flat = curve.without_rise(rules.noise)
     yield _held("without_rise", rules.without_rise, Found(flat.value / curve.length, flat.at))
-    yield _held("step", rules.step, curve.step(), "N")
+    yield _jump("step", rules.step, curve.step())
     yield _held("bulge", rules.bulge, curve.bulge() / curve.peak)
 
 
@@ -237,6 +246,7 @@ def _word(checks: tuple[Check, ...]) -> Word:
     if any(check.result == "fail" for check in checks):
         return "refused"
     judged = any(check.name == "final_force" and check.result == "pass" for check in checks)
+    judged = judged and all(check.result != "undecided" for check in checks)
     return "accepted" if judged else "undecided"
 
 
@@ -252,8 +262,8 @@ def _sentence(
 ) -> str:
     reasons = [check.in_words() for check in checks if check.result == "fail"]
     if word == "undecided":
-        notes = [check.note for check in checks if check.name in ("curve", "final_force") and check.note]
-        reasons = notes[:1]
+        told = [check for check in checks if check.result == "undecided" or check.name in ("curve", "final_force")]
+        reasons = [check.note for check in told if check.note]
     said = f"{word} by {rules.title}{': ' if reasons else ''}{'; '.join(reasons)}"
     if fit.curve is None:
         return said
