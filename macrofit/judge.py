@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from .acceptance import Standard, Verdict, judge, judge_scene, load_standard
 from .acceptance.fit import measured_fit
 from .acceptance.verdict import DEFAULT, Check
 from .base.files import read_regular, write_json
 from .errors import OutputError
-from .identify.measured import Reading, read_measured
+from .identify.measured import FAR, Measured, Reading, read_measured
 from .results.folder import CURVE, SCENE, SUMMARY, read_curve
 from .scene import load_scene
 
@@ -77,8 +78,24 @@ def _of_curve(path: Path, seat: Seat, reading: Reading, rules: Standard, wheel: 
         missing = [f"--{name} MM" for name in ("diameter", "length") if getattr(seat, name) is None]
         raise OutputError(f"{path}: say what fit the curve is of: {' and '.join(missing)}, as --diameter 190")
     measured = read_measured(path, reading)
+    _check_units(path, measured, seat.length, (rules.window(wheel)[1].high or 0.0) * seat.diameter)
     fit = measured_fit(seat.diameter, seat.length, measured.displacement, measured.force, seat.interference)
     return measured.taken, judge(fit, rules, wheel)
+
+
+def _check_units(path: Path, measured: Measured, length: float, force: float) -> None:
+    """Refuse numbers without a unit that are no mm or N of a fit of this length [mm] and about this force [N].
+
+    Raises:
+        OutputError: they are `FAR` from it.
+    """
+    span, top = float(np.ptp(measured.displacement)), float(np.abs(measured.force).max())
+    for unit, found, wanted, example in (("mm", span, length, "displacement_m"), ("N", top, force, "force_kN")):
+        if unit in measured.assumed and not wanted / FAR < found < FAR * wanted:
+            raise OutputError(
+                f"{path}: names no unit, and {found:.4g} {unit} are not those of this fit, about {wanted:.4g} {unit}; "
+                f"write the unit in its header, for example {example}"
+            )
 
 
 def _of_folder(folder: Path, seat: Seat, reading: Reading, rules: Standard, wheel: str | None) -> tuple[str, Verdict]:

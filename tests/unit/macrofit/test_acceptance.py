@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import time
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -193,6 +195,30 @@ def test_the_verdict_does_not_hang_on_sampling_or_noise(spacing, noise):
             assert REFUSED[name] in names(found)
 
 
+def test_a_creep_below_the_noise_is_no_rise():
+    """0.4 % of the peak over 25 mm."""
+    creeping = through((0, 0), (80, 0.55e6), (105, 0.554e6), (180, FINAL))
+    assert names(judge(fit(creeping))) == ["without_rise"]
+
+
+def test_too_little_of_a_curve_is_undecided():
+    few = judge(measured_fit(DIAMETER, LENGTH, PLACES[:4], ramp()[:4]))
+    assert (few.word, few.final_force) == ("undecided", None)
+    assert "4 points" in few.sentence
+    pulled = judge(fit(-ramp()))
+    assert pulled.word == "undecided"
+    assert "pushing on is positive" in pulled.sentence
+
+
+def test_any_curve_has_a_verdict_with_finite_numbers():
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        places = np.cumsum(rng.uniform(1e-6, rng.choice([0.1, 5.0]), rng.integers(5, 60)))
+        force = rng.choice([1.0, 1e6]) * rng.normal(size=len(places)) * rng.integers(0, 2, len(places))
+        for check in judge(measured_fit(DIAMETER, LENGTH, places, force)).checks:
+            assert check.value is None or np.isfinite(check.value)
+
+
 def test_a_fit_outside_the_window_of_lengths_is_undecided():
     short = judge(dataclasses.replace(fit(ramp()), length=120.0))
     assert short.word == "undecided"
@@ -355,6 +381,20 @@ def test_what_cannot_be_judged_is_one_line(curve_file, tmp_path):
         assert len(done.stderr.splitlines()) == 1
 
 
+def test_numbers_in_other_units_are_refused(tmp_path):
+    """A record without units is in mm and N; one that was written in kN or m ends 1000 times too low."""
+    for name, along, force in (("kN", 1.0, 1e-3), ("m", 1e-3, 1.0)):
+        path = tmp_path / f"{name}.csv"
+        rows = zip(PLACES * along, ramp() * force, strict=True)
+        path.write_text("".join(f"{s:.6f} {f:.4f}\n" for s, f in rows))
+        done = macrofit("judge", path, *SEAT)
+        assert done.exit_code == 2
+        assert "names no unit" in done.stderr
+        path.write_text(f"displacement_{'mm' if name == 'kN' else 'm'} force_{'kN' if name == 'kN' else 'N'}\n"
+                        + path.read_text())  # fmt: skip
+        assert macrofit("judge", path, *SEAT).exit_code == 0
+
+
 def test_options_of_the_reader_and_the_verdict_as_data(curve_file, tmp_path):
     target = tmp_path / "verdict.json"
     done = macrofit("judge", curve_file("ramp"), *SEAT, "--columns", "1,2", "--to", 170, "-o", target)
@@ -382,6 +422,23 @@ def test_a_folder_gives_the_verdict_of_its_summary(tmp_path):
     assert json.loads((tmp_path / "verdict.json").read_text()) == json.loads(json.dumps(numbers["verdict"]))
     (tmp_path / "summary.json").write_text("{}")
     assert "is not a summary" in macrofit("judge", tmp_path).stderr
+
+
+def test_the_page_of_the_documentation_holds(tmp_path, monkeypatch, curve_file):
+    """Its commands run, its standard is read and judges, and its table has every check."""
+    page = (Path(__file__).parents[3] / "docs" / "acceptance.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    Path(curve_file("ramp")).rename("press.csv")
+    Path("my.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])
+    commands = re.findall(r"^\.venv/bin/macrofit (judge press.+)$", page, re.MULTILINE)
+    assert [macrofit(*command.split()).exit_code for command in commands] == [0, 0, 0]
+    assert json.loads(Path("verdict.json").read_text())["standard"] == "Wheel shop, template 7"
+    for name in BY_TEMPLATE:
+        assert names(judge(fit(nine_curves()[name]), load_standard("my.toml")))[:1] == (
+            [] if name == "oil groove" else [BY_TEMPLATE[name][0]]
+        )
+    for check in judge(fit(ramp())).checks:
+        assert f"`{check.name}`" in page
 
 
 def test_a_long_record_is_judged_quickly():
