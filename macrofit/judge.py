@@ -70,7 +70,7 @@ def lines(verdict: Verdict) -> list[str]:
 def _line(check: Check) -> str:
     said = check.note if check.value is None else f"{check.measured():<22} {check.note or check.limits()}"
     result = "-" if check.result == "not applicable" else check.result
-    return f"  {check.name.replace('_', ' '):<22} {result:<5} {said}".rstrip()
+    return f"  {check.name.replace('_', ' '):<22} {result:<9} {said}".rstrip()
 
 
 def _of_curve(path: Path, seat: Seat, reading: Reading, rules: Standard, wheel: str | None) -> tuple[str, Verdict]:

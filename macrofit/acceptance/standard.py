@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
@@ -129,22 +129,29 @@ def standard_names() -> list[str]:
     return sorted(entry.name[:-5] for entry in _folder().iterdir() if entry.name.endswith(".toml"))
 
 
-@lru_cache(maxsize=8)
 def load_standard(source: str) -> Standard:
     """Read a standard: a built-in name, or the path of a TOML file.
 
     Raises:
         StandardError: one line that names the key.
     """
+    if source in standard_names():
+        return _built_in(source)
+    if not Path(source).exists():
+        raise StandardError(
+            f"no standard '{source}': neither a file nor one of the built-in ones ({', '.join(standard_names())})"
+        )
     with errors_as(StandardError):
-        if source in standard_names():
-            tables = parse_toml((_folder() / f"{source}.toml").read_text(), source)
-        elif Path(source).exists():
-            tables = read_toml(Path(source))
-        else:
-            raise StandardError(
-                f"no standard '{source}': neither a file nor one of the built-in ones ({', '.join(standard_names())})"
-            )
+        return _decode(read_toml(Path(source)), source)
+
+
+@lru_cache
+def _built_in(name: str) -> Standard:
+    """A standard of the package; every run asks for two."""
+    return _decode(parse_toml((_folder() / f"{name}.toml").read_text(), name), name)
+
+
+def _decode(tables: dict[str, Any], source: str) -> Standard:
     try:
         standard = decode_tables(tables, Standard, "standard")
         _check(standard)
