@@ -135,16 +135,16 @@ def study(
     keep: bool,
     quiet: bool,
 ) -> None:
-    r"""Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
+    """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
 
     Bodies are factored once for all runs. Writes study.csv, curves.csv, study.json and figures into a folder;
     stress fields only where the scene has output.fields_at.
 
     \b
-    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \
+    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
-    """
+    """  # noqa: D301 - click wants the character
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
@@ -250,7 +250,7 @@ def judge(
     columns: str | None,
     **of_curve: Any,
 ) -> None:
-    r"""Hold a measured CURVE, or the folder of a run, against a standard for wheelsets.
+    """Hold a measured CURVE, or the folder of a run, against a standard for wheelsets.
 
     CURVE is text with columns of displacement and force, as for identify. Ends with 0 where the fit is accepted,
     1 where it is refused, 2 where it cannot be judged.
@@ -259,7 +259,7 @@ def judge(
     macrofit judge press.csv --diameter 190 --length 180
     macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
     macrofit judge wheelset
-    """
+    """  # noqa: D301 - click wants the character
     from .identify.measured import Reading
     from .judge import Seat, carry_out_judgement
 

@@ -218,7 +218,7 @@ def _oscillation(fit: Fit, curve: Curve, rules: Standard, wheel: str | None) -> 
     if rules.oil_groove.stated:
         dips = [dip for dip in dips if not rules.oil_groove.has(dip.start, dip.end)]
     deepest = max(dips, key=lambda dip: dip.depth, default=None)
-    found = Found(0.0, float(curve.s[-1])) if deepest is None else Found(deepest.depth / curve.peak, deepest.at)
+    found = Found(deepest.depth / curve.peak, deepest.at) if deepest is not None else 0.0
     yield _held("oscillation_depth", rules.oscillation_depth, found)
     share = sum(dip.end - dip.start for dip in dips) / curve.length
     yield _held("oscillation_length", rules.oscillation_length, Found(share, dips[0].start) if dips else 0.0)

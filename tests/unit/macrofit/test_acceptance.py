@@ -354,6 +354,18 @@ def curve_file(tmp_path):
 SEAT = ("--diameter", 190, "--length", 180)
 
 
+@pytest.mark.parametrize(
+    ("command", "example"),
+    [
+        ("judge", "macrofit judge press.csv --diameter 190 --length 180"),
+        ("study", "macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\"),
+    ],
+)
+def test_help_has_an_example_a_line(command, example):
+    """A raw docstring would give click a backslash and a b, and it would flow the examples into one paragraph."""
+    assert f"\n  {example}\n" in CliRunner().invoke(main, [command, "--help"], terminal_width=140).stdout
+
+
 def test_exit_codes(curve_file):
     assert macrofit("judge", curve_file("ramp"), *SEAT).exit_code == 0
     refused = macrofit("judge", curve_file("step"), *SEAT)
