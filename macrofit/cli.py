@@ -35,6 +35,7 @@ from .presets import PRESETS, summary
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 PATIENCE_S = 2.0
 """How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
 
@@ -134,16 +135,16 @@ def study(
     keep: bool,
     quiet: bool,
 ) -> None:
-    r"""Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
+    """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
 
     Bodies are factored once for all runs. Writes study.csv, curves.csv, study.json and figures into a folder;
     stress fields only where the scene has output.fields_at.
 
     \b
-    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \
+    macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
-    """
+    """  # noqa: D301 - click wants the character
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
@@ -156,6 +157,22 @@ def study(
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
+def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that say how a measured curve is read; the command gets them by the names of `Reading`."""
+    for option in (
+        click.option("--shift", type=float, default=0.0, metavar="MM", help="Add this to the displacements."),
+        click.option("--to", "end", type=float, metavar="MM", help="Use it up to this one."),
+        click.option(
+            "--from", "start", type=float, metavar="MM", help="Use the record from this displacement in it on."
+        ),
+        click.option(
+            "--columns", metavar="D,F", help="Columns of displacement and force, by number or name [found by units]."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 @main.command()
 @click.argument("scene")
 @click.option(
@@ -164,10 +181,7 @@ def study(
     type=FILE,
     help="Measured curve: text with columns of displacement and force; units by the header, mm and N without one.",
 )
-@click.option("--columns", metavar="D,F", help="Columns of displacement and force, by number or name [found by units].")
-@click.option("--from", "start", type=float, metavar="MM", help="Use the record from this displacement in it on.")
-@click.option("--to", "end", type=float, metavar="MM", help="Use it up to this one.")
-@click.option("--shift", type=float, default=0.0, metavar="MM", help="Add this to the displacements.")
+@reads_curves
 @click.option("--free-shift", is_flag=True, help="Seek such a shift too, for a record that began late.")
 @click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
@@ -212,6 +226,49 @@ def identify(
         )
         for line in [] if quiet else lines:
             click.echo(line)
+
+
+@main.command()
+@click.argument("curve", type=FILE)
+@click.option("--diameter", type=POSITIVE, metavar="MM", help="Diameter of the seat.")
+@click.option("--length", type=POSITIVE, metavar="MM", help="Length that seat and bore have in common at the end.")
+@click.option("--interference", type=float, metavar="MM", help="Measured interference, on the diameter.")
+@click.option("--standard", metavar="NAME", help="A built-in standard, or a TOML file of your own [en-13260].")
+@click.option("--wheel", metavar="TYPE", help="Type of wheel in the standard, for its window of the final force.")
+@reads_curves
+@click.option("-o", "--output", "target", type=FILE, help="Write the verdict to this file too, as JSON.")
+@click.pass_context
+def judge(
+    context: click.Context,
+    curve: Path,
+    diameter: float | None,
+    length: float | None,
+    interference: float | None,
+    standard: str | None,
+    wheel: str | None,
+    target: Path | None,
+    columns: str | None,
+    **of_curve: Any,
+) -> None:
+    """Hold a measured CURVE, or the folder of a run, against a standard for wheelsets.
+
+    CURVE is text with columns of displacement and force, as for identify. Ends with 0 where the fit is accepted,
+    1 where it is refused, 2 where it cannot be judged.
+
+    \b
+    macrofit judge press.csv --diameter 190 --length 180
+    macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
+    macrofit judge wheelset
+    """  # noqa: D301 - click wants the character
+    from .identify.measured import Reading
+    from .judge import Seat, carry_out_judgement
+
+    reading = Reading(columns=two_columns(columns), **of_curve)
+    seat = Seat(diameter=diameter, length=length, interference=interference)
+    lines, code = carry_out_judgement(curve, seat, reading=reading, standard=standard, wheel=wheel, target=target)
+    for line in lines:
+        click.echo(line)
+    context.exit(code)
 
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from .base.errors import MacrofitError, OutputError
 
-__all__ = ["ConvergenceError", "MacrofitError", "MeshError", "OutputError", "ProviderError", "SceneError"]
+__all__ = [
+    "ConvergenceError",
+    "MacrofitError",
+    "MeshError",
+    "OutputError",
+    "ProviderError",
+    "SceneError",
+    "StandardError",
+]
 
 
 class SceneError(MacrofitError):
@@ -21,3 +29,7 @@ class ProviderError(MacrofitError):
 
 class ConvergenceError(MacrofitError):
     """An increment that no cutback could solve."""
+
+
+class StandardError(MacrofitError):
+    """A standard that a press fit cannot be held against: a file that is none, numbers that contradict each other."""

@@ -109,7 +109,7 @@ def _known_keys(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence
 
     info = inspect.type_info(kind)
     for key in filter(None, where.split(".")):
-        tables = tables.get(key, {})
+        tables = tables.get(key, {}) if isinstance(tables, Mapping) else {}
         info = _table_info(_field_types(info)[key], tables)
         if info is None:
             return []
@@ -123,7 +123,7 @@ def _choices(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence[An
     info: Any = inspect.type_info(kind)
     *path, last = where.split(".")
     for key in path:
-        tables = tables.get(key, {})
+        tables = tables.get(key, {}) if isinstance(tables, Mapping) else {}
         info = _table_info(_field_types(info)[key], tables)
     found = _plain(_field_types(info).get(last)) if info is not None else None
     while isinstance(found, inspect.CollectionType | inspect.VarTupleType):
@@ -153,6 +153,10 @@ def _table_info(info: Any, table: Any) -> Any:
     info = _plain(info)
     if isinstance(info, inspect.StructType):
         return info
+    if isinstance(info, inspect.DictType):  # of tables alike, whose own names the message does not have
+        return _table_info(info.value_type, {})
+    if isinstance(info, inspect.CollectionType | inspect.VarTupleType):
+        return _table_info(info.item_type, {})
     kinds = [_table_info(kind, table) for kind in getattr(info, "types", ())]
     tagged = [kind for kind in kinds if kind is not None]
     named = [kind for kind in tagged if kind.tag is not None and table.get(kind.tag_field) == kind.tag]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..acceptance import verdict
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
 from ..results.folder import read_curve
-from ..results.verdict import verdict
 from .friction import friction
 from .stress import stress
 
@@ -45,8 +45,9 @@ def fitting_curve(solution: Solution) -> Any:
     displacement, force = solution.displacement, solution.force / 1e3
     axes.plot(displacement, force, color=BLUE, lw=1.8)
     judged, _ = verdict(solution)
-    if judged is not None and 0.3 * force.max() < judged.en_13260.high / 1e3 < 3.0 * force.max():
-        low, high = judged.en_13260.low / 1e3, judged.en_13260.high / 1e3
+    window = None if judged is None else judged.en_13260
+    if window is not None and 0.3 * force.max() < window.high / 1e3 < 3.0 * force.max():
+        low, high = window.low / 1e3, window.high / 1e3
         axes.axhspan(low, high, color=ORANGE, alpha=0.18, lw=0)
         clear = np.interp(0.35, displacement / displacement.max(), force) < low  # the curve passes below the text
         x, side = (0.015, "left") if clear else (0.985, "right")

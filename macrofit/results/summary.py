@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from ..acceptance import verdict
 from .doubts import doubtful_lines, doubts
-from .verdict import verdict
 from .versions import versions
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     if failed:
         lines.append(f"Not converged   {failed} of {numbers['increments']} increments")
     judged = numbers["verdict"]
-    reason = numbers["verdict_reason"]
-    lines.append(f"Verdict         {judged['sentence'] if judged else f'none: {reason}.'}")
+    lines.append(f"Verdict         {judged['sentence'] if judged else 'none: ' + numbers['verdict_reason'] + '.'}")
     return lines + doubtful_lines(numbers["doubts"])
 
 

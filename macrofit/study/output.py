@@ -12,6 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from ..acceptance import Verdict, judge_scene
 from ..base.files import remove_drafts, write_json, write_text, writing
 from ..base.progress import duration, say
 from ..errors import OutputError
@@ -77,14 +78,16 @@ def write_study(
     """
     from .figures import write_study_figures
 
-    rows = [_columns(plan), *(_row(plan, *pair) for pair in zip(plan.runs, records, strict=True))]
+    verdicts = [_verdict(*pair) for pair in zip(plan.runs, records, strict=True)]
+    rows = [_columns(plan), *(_row(plan, *each) for each in zip(plan.runs, records, verdicts, strict=True))]
     write_text(folder / ROWS, _csv(rows))
     write_text(folder / CURVES, _csv(_curves(plan, records)))
     figures = write_study_figures(folder, plan, records)
-    numbers = _totals(plan, records, computed, costs)
+    numbers = _totals(plan, records, computed, costs) | {"verdicts": _verdict_totals(plan, verdicts)}
     write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
-    return [*_sentences(plan, records, numbers), f"Figures         {', '.join(path.name for path in figures)}",
-            f"Files           {folder}"]  # fmt: skip
+    drawn = ", ".join(path.name for path in figures)
+    lines = [*_sentences(plan, records, numbers), *_accepted(verdicts)]
+    return [*lines, f"Figures         {drawn}", f"Files           {folder}"]
 
 
 class StudyProgress:
@@ -124,18 +127,52 @@ def _columns(plan: Plan) -> list[str]:
     return [
         "run", "label", *plan.keys, "peak_force_N", "peak_force_displacement_mm", "final_force_N",
         *(f"{body}_{name}" for body in BODIES for name in ("max_von_mises_MPa", "r_mm", "z_mm", "displacement_mm")),
-        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "doubts", "cpu_s",
+        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "doubts", "verdict", "refused_for", "cpu_s",
     ]  # fmt: skip
 
 
-def _row(plan: Plan, run: PlannedRun, record: RunRecord) -> list[str]:
+def _row(plan: Plan, run: PlannedRun, record: RunRecord, verdict: Verdict | None) -> list[str]:
     force, place = record.peak
     cells = [str(run.number), run.label, *(run.values.get(key, "") for key in plan.keys)]
     cells += [repr(force), repr(place), repr(record.force_N[-1])]
     for body in BODIES:
         cells += _place(record.max_von_mises.get(body))
     cells += [str(len(record.force_N)), *(str(record.counters.get(name, "")) for name in COUNTERS)]
-    return [*cells, str(record.cutbacks), str(record.unconverged), str(len(record.doubts)), f"{record.cpu_s:.3f}"]
+    cells += [str(record.cutbacks), str(record.unconverged), str(len(record.doubts))]
+    cells += ["", ""] if verdict is None else [verdict.word, " ".join(check.name for check in verdict.failed)]
+    return [*cells, f"{record.cpu_s:.3f}"]
+
+
+def _verdict(run: PlannedRun, record: RunRecord) -> Verdict | None:
+    """The same verdict that the run's own summary.json has."""
+    largest = {body: at.value for body, at in record.max_von_mises.items()}
+    return judge_scene(run.scene, record.displacement, record.force, largest)[0]
+
+
+def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str, Any]:
+    """How many runs have which verdict, and why each run that is refused is; empty where nothing can be judged."""
+    judged = [verdict for verdict in verdicts if verdict is not None]
+    return {} if not judged else {
+        "standard": judged[0].standard,
+        "runs": dict(Counter(verdict.word for verdict in judged)),
+        "refused_for": {
+            str(run.number): [check.name for check in verdict.failed]
+            for run, verdict in zip(plan.runs, verdicts, strict=True)
+            if verdict is not None and verdict.word == "refused"
+        },
+    }  # fmt: skip
+
+
+def _accepted(verdicts: Sequence[Verdict | None]) -> list[str]:
+    """A line with the number of runs of each verdict and of each reason."""
+    judged = [verdict for verdict in verdicts if verdict is not None]
+    if not judged:
+        return []
+    words = Counter(verdict.word for verdict in judged)
+    reasons = Counter(check.name.replace("_", " ") for verdict in judged for check in verdict.failed)
+    counted = ", ".join(f"{count} {word}" for word, count in words.items())
+    why = ", ".join(f"{name} ({count})" for name, count in reasons.most_common())
+    return [f"Verdict         {judged[0].standard}: {counted}{f'; refused for {why}' if why else ''}"]
 
 
 def _place(at: Extreme | None) -> list[str]:

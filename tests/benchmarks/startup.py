@@ -2,9 +2,10 @@
 
     python -m tests.benchmarks startup
 
-Every command is run from the shell, in an empty folder and with warm caches. Measured are the seconds on the clock and
-of the processor until it ends, or until it prints the first increment or coefficient (it is stopped then); the number
-of modules it imports, and the packages whose own modules take the longest (python -X importtime).
+Every command is run from the shell, in a folder with nothing but a made curve and with warm caches. Measured are the
+seconds on the clock and of the processor until it ends, or until it prints the first increment or coefficient (it is
+stopped then); the number of modules it imports, and the packages whose own modules take the longest (python -X
+importtime).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from ._measure import Cost, head, row
 ROOT = Path(__file__).parents[2]
 LISTED = 4  # packages
 INCREMENT, COEFFICIENT = r"^increment +1/", r"^Micro"
+CURVE, CURVE_TEXT = "press.csv", "displacement_mm,force_kN\n" + "".join(f"{s},{5.5 * s}\n" for s in range(181))
 BARS = {"macrofit --help": 0.15, "macrofit run wheelset": 2.5}  # s on the clock
 
 
@@ -50,6 +52,7 @@ COMMANDS = (
     Command("macrofit scenes"),
     Command("macrofit providers"),
     Command("macrofit check wheelset"),
+    Command(f"macrofit judge {CURVE} --diameter 190 --length 180"),
     Command("macrofit schema"),
     Command("macrofit run wheelset", INCREMENT),
     Command("macrofit run wheelset --set friction.provider=surrogate", INCREMENT),
@@ -68,6 +71,7 @@ def started(command: Command, *options: str) -> tuple[float, float, str]:
     """Seconds on the clock and of the processor until the command ends or says its word, and its stderr."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as errors:
+        (Path(folder) / CURVE).write_text(CURVE_TEXT)
         begun = time.perf_counter()
         process = subprocess.Popen(
             [sys.executable, *options, *command.argv], cwd=folder, env=environment, stdin=subprocess.DEVNULL,

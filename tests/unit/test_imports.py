@@ -56,6 +56,16 @@ def test_help_loads_nothing_heavy(module):
     assert not loaded & HEAVY
 
 
+def test_judge_loads_nothing_heavy(tmp_path):
+    """Nor does it need any: a curve is judged within 0.5 s of CPU (0.2 s are measured by the benchmark `startup`)."""
+    path = tmp_path / "press.csv"
+    path.write_text("displacement_mm,force_kN\n" + "".join(f"{s},{5.5 * s}\n" for s in range(181)))
+    words = ["judge", str(path), "--diameter", "190", "--length", "180"]
+    loaded = loaded_by(f"sys.argv[1:] = {words}; runpy.run_module('macrofit', run_name='__main__')")
+    assert "numpy" in loaded
+    assert not loaded & HEAVY
+
+
 def imported_modules(path: Path, package: str) -> set[str]:
     """The full names a file of a package imports, wherever in the file."""
     names: set[str] = set()

@@ -188,6 +188,9 @@ def test_a_row_has_the_numbers_of_a_run(scene_file):
         assert float(row["peak_force_N"]) == summary["peak_force_N"]
         assert float(row["peak_force_displacement_mm"]) == summary["peak_force_displacement_mm"]
         assert float(row["final_force_N"]) == summary["final_force_N"]
+        failed = [check["name"] for check in summary["verdict"]["checks"] if check["result"] == "fail"]
+        assert (row["verdict"], row["refused_for"]) == (summary["verdict"]["word"], " ".join(failed))
+        assert totals(Path("out"))["verdicts"]["refused_for"].get(str(number), []) == failed
         for body in ("axle", "wheel"):
             at = summary["max_von_mises_MPa"][body]
             assert float(row[f"{body}_max_von_mises_MPa"]) == at["value"]
@@ -198,6 +201,8 @@ def test_a_row_has_the_numbers_of_a_run(scene_file):
         s, force = read_curve(Path("single"))
         assert [float(line[0]) for line in curves[1:]] == s.tolist()
         assert [float(line[number]) for line in curves[1:]] == force.tolist()
+    assert sum(totals(Path("out"))["verdicts"]["runs"].values()) == 4
+    assert "Verdict         EN 13260: 4 " in shown.stdout
     assert totals(Path("out"))["factorisations_per_rank"] == [summary["counters"]["factorisations"]]
     assert not any((Path("out") / name).exists() for name in ("runs", "fields", "stress.png", "distributions.png"))
 
