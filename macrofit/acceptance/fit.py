@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..plasticity.material import yield_stress
 from ..scene import Hub, Scene, Shaft
 from .curve import Curve
 
@@ -68,8 +69,9 @@ def fit_of_scene(
 
 
 def yield_stresses(scene: Scene) -> dict[str, float]:
-    """Yield stress of each body [MPa] whose material states one: none does yet, so that safety is not judged."""
-    return {}
+    """Yield stress of each body [MPa] whose material states one; the safety of the others is not judged."""
+    stated = {name: yield_stress(body.material) for name, body in (("axle", scene.axle), ("wheel", scene.wheel))}
+    return {name: value for name, value in stated.items() if value is not None}
 
 
 def measured_fit(

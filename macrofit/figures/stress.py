@@ -143,11 +143,19 @@ def _draw_body(axes: Any, field: BodyField, window: Window, top: float) -> Any:
         Triangulation(place[:, 1], place[:, 0], _split(seen)), field.von_mises,
         shading="gouraud", cmap="viridis", vmin=0.0, vmax=top, rasterized=True,
     )  # fmt: skip
-    if field.plastic_strain is not None and field.plastic_strain.max(initial=0.0) > YIELDED:
+    if _crosses(field, seen):
         mesh = Triangulation(place[:, 1], place[:, 0], _split(seen))
         axes.tricontour(mesh, field.plastic_strain, levels=[YIELDED], colors=[VERMILION], linewidths=1.0)
     axes.add_collection(LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6))
     return drawn
+
+
+def _crosses(field: BodyField, cells: IntArray) -> bool:
+    """Whether the border of what flowed crosses some of the cells."""
+    if field.plastic_strain is None:
+        return False
+    flowed = field.plastic_strain[cells]
+    return bool(flowed.min() < YIELDED < flowed.max())
 
 
 def _split(cells: IntArray) -> IntArray:
