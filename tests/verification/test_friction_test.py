@@ -320,7 +320,14 @@ def test_plates_that_sway_keep_their_candidates_few(
     control: str, monkeypatch: pytest.MonkeyPatch, found: Found
 ) -> None:
     """The margin is for the swing, not for the whole sway, which made them 8 times as many; no contact is missed."""
-    keys = [*PRINTED, "plates.spheres=1500", "engine.resonance=0.75", "surface.max_height=0.04", "engine.samples=100"]
+    keys = [
+        *PRINTED,
+        "surface.form=tiles",
+        "plates.spheres=1500",
+        "engine.resonance=0.75",
+        "surface.max_height=0.04",
+        "engine.samples=100",
+    ]
     engine = Explicit(make_plates(load(None, [*keys, f"load.control={control}"])))
     counts = [len(engine.candidates.pair)]
     meet = Linear.meet
