@@ -219,16 +219,16 @@ def identify(
 @click.option(
     "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
     help="Relative error of force, pressure and largest stress that a preset must meet.",
-)
+)  # fmt: skip
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-convergence.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: Path | None, quiet: bool) -> None:
     """Estimate how exact SCENE is: force, pressure and largest stress on three meshes and with two step lengths.
 
-    The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the limit.
-    Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json into a folder.
-    """  # fmt: skip
+    The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the
+    limit. Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json.
+    """
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
@@ -237,9 +237,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
             import_mesher()
         from .converge.run import carry_out_convergence
 
-        lines = carry_out_convergence(
-            scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet
-        )
+        lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
         for line in [] if quiet else lines:
             click.echo(line)
 

@@ -5,11 +5,11 @@ With f(h) = f* + C h^p and the sizes 2 h, h, h/2:
     p  = log2(|f(h) - f(2h)| / |f(h/2) - f(h)|)
     f* = f(h/2) + (f(h/2) - f(h)) / (2^p - 1)
 
-(Roache, Verification and Validation in Computational Science and Engineering, 1998, eqs. 5.6.1, 5.10.6). A curve or a
-profile is taken as a whole: |.| is its norm. An order above that of the elements, q, is not believed, and one below q / 2
-is called irregular: the differences do not fall as the formula has them. Of a largest value, which jumps from point to
-point of the mesh, f* then takes q, so that the difference of the two finer meshes decides; of a curve or a profile q / 2,
-since a sharp edge makes it slow.
+(P. J. Roache, Verification and Validation in Computational Science and Engineering, 1998, chapter 5). A curve or a
+profile is taken as a whole: |.| is its norm. An order above that of the elements, q, is not believed, and one below
+q / 2 is called irregular: the differences do not fall as the formula has them. Of a largest value, which jumps from
+point to point of the mesh, f* then takes q, so that the difference of the two finer meshes decides; of a curve or a
+profile q / 2, since a sharp edge makes it slow.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STEP_ORDER = 1.0
 EXACT = 1e-6
 """Relative error below which nothing is said of an order."""
 LEAST_FORCE = 1e-3
-"""Of the normal force: a smaller pushing force is judged beside that much."""
+"""Share of the normal force beside which a smaller pushing force is judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ class Estimate:
 
     @property
     def error(self) -> float | None:
-        """Of mesh and step together, as if they added up."""
+        """Relative error of mesh and step together, as if they added up; None without a limit."""
         return None if self.mesh_error is None else self.mesh_error + self.step_error
 
 
@@ -125,7 +125,7 @@ def _along(here: FloatArray, wanted: FloatArray) -> list[int]:
 
 
 def norm(key: str, values: FloatArray) -> float:
-    """Of a curve its largest value, of a profile its root mean square, of a number its size."""
+    """The largest value of a curve, the root mean square of a profile, the size of a number."""
     if key == "pressure":
         return float(np.sqrt(np.mean(values**2)))
     return float(np.abs(values).max(initial=0.0))
@@ -183,4 +183,3 @@ def observed_order(before: float, after: float, *, turned: bool) -> float | None
 def grows(before: float, after: float, own: FloatArray, fine: FloatArray) -> bool:
     """Whether a stress goes on growing with every finer mesh, as it does in a sharp corner."""
     return float(fine[0]) > (1.0 + GROWS) * float(own[0]) and after > FALLS * before
-

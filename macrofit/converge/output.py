@@ -107,7 +107,7 @@ def _conclusions(found: Convergence) -> list[str]:
         )
     if GROWING in remarks:
         lines.append(
-            "Still grows     the largest stress grows with every finer mesh: an edge is sharp (chamfer and blend it, or "
-            "wheel.rear_edge_blend), or its arc has too few facets (mesh.corner_facet)"
+            "Still grows     the largest stress grows with every finer mesh: an edge is sharp (chamfer and blend it, "
+            "or wheel.rear_edge_blend), or its arc has too few facets (mesh.corner_facet)"
         )
     return lines

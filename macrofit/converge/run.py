@@ -106,6 +106,4 @@ def converge(
         if max(presets[name].values()) <= tolerance:
             meeting = name
             break
-    return Convergence(
-        scene=scene, tolerance=tolerance, estimates=found, runs=runs, presets=presets, meeting=meeting
-    )
+    return Convergence(scene=scene, tolerance=tolerance, estimates=found, runs=runs, presets=presets, meeting=meeting)

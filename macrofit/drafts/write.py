@@ -26,8 +26,9 @@ default, `...` where that follows from others. What to do with it:
 
     macrofit check {file} -o section.svg    the drawing with every key on it
     macrofit run {file}                     the fitting curve and the stresses
-    macrofit converge {file}                how exact they are
 """
+REFINED = "    macrofit converge {file}                how exact they are\n"
+"""What meshes from files cannot have."""
 
 
 def write_draft(kind: str, target: Path) -> list[Path]:
@@ -61,7 +62,8 @@ def draft(tables: Mapping[str, Any], name: str) -> str:
     schema = json_schema()["$defs"]
     from_files = bool(tables["mesh"].get("axle"))
     shapes = dict.fromkeys(SHAPES, "MeshFile") if from_files else SHAPES
-    lines = [*_comment(HEAD.format(title=tables["title"], file=name)), dump_toml({"title": tables["title"]}).rstrip()]
+    head = (HEAD + ("" if from_files else REFINED)).format(title=tables["title"], file=name)
+    lines = [*_comment(head), dump_toml({"title": tables["title"]}).rstrip()]
     for body, shape in shapes.items():
         lines += _table(body, schema[shape], tables[body])
         lines += _table(f"{body}.material", schema["Material"], {})
@@ -132,14 +134,14 @@ def write_meshes(files: Mapping[str, Path]) -> None:
         data = mesh_drawing(
             draw_body(shape, contact, Sizes.of(scene.mesh, contact)), scene.mesh.coarse, scene.mesh.growth
         )
-        names = list(data.edges)
+        names, whole = list(data.edges), len(data.edges) + 1
         numbers = [np.full(len(data.edges[name]), k + 1) for k, name in enumerate(names)]
-        tags = [np.concatenate(numbers), np.full(len(data.triangles), len(names) + 1)]
+        tags = [np.concatenate(numbers), np.full(len(data.triangles), whole)]
         mesh = meshio.Mesh(
             np.column_stack([data.points, np.zeros(len(data.points))]),
             [("line", np.concatenate(list(data.edges.values()))), ("triangle", data.triangles)],
             cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-            field_data={name: np.array([k + 1, 1]) for k, name in enumerate(names)} | {body: np.array([len(names) + 1, 2])},
+            field_data={name: np.array([k + 1, 1]) for k, name in enumerate(names)} | {body: np.array([whole, 2])},
         )
         with replacing(files[body]) as place:
             meshio.write(place, mesh, file_format="gmsh22", binary=False)

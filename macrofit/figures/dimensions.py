@@ -55,7 +55,7 @@ class View:
     def labels(self) -> list[str]:
         """Every label on it."""
         spans = (*self.below, *self.above, *self.left, *self.right)
-        return [each.label for each in (*spans, *self.leaders)]
+        return [*(span.label for span in spans), *(leader.label for leader in self.leaders)]
 
 
 def views(scene: Scene, window: tuple[float, float, float, float]) -> list[View]:
@@ -182,7 +182,8 @@ def _(axle: Shaft, table: str, shift: float) -> Iterator[View]:
         reach = (1.0 - math.sqrt(0.5)) * size
         window = _around(axle.seat_length - size, axle.seat_length + size, min(end, tail), max(end, tail))
         view = View(title="shoulder behind the seat", window=window)
-        view.leaders.append(Leader(_label(axle, table, "tail_blend"), (axle.seat_length + reach, tail + out * reach), (1.0, 1.0)))
+        place = (axle.seat_length + reach, tail + out * reach)
+        view.leaders.append(Leader(_label(axle, table, "tail_blend"), place, (1.0, 1.0)))
         yield view
 
 
@@ -223,5 +224,3 @@ def _around(z0: float, z1: float, r0: float, r1: float) -> tuple[float, float, f
 
 def _label(body: Any, table: str, key: str) -> str:
     return f"{table}.{key} = {getattr(body, key):g}"
-
-

@@ -14,8 +14,10 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, PURPLE, VERMILION, blank, save
+from ..base.progress import printable
 from ..bodies.geometry import Sizes, draw_body
 from ..bodies.mesh import read_mesh
+from ..errors import OutputError
 from ..scene.keys import MeshFile, Scene
 from .dimensions import Leader, Span, View, unmeasured, views
 
@@ -28,12 +30,11 @@ CORNER = 2.6
 """Width of a magnified corner on the sheet [inch]."""
 PITCH, MARGIN = 0.26, 0.35
 """From one row of dimensions to the next, and around a view [inch]."""
-LEAST = 7.0
-"""Width of the sheet, which its title needs [inch]."""
 BESIDE = 2.0
 """Room beside a magnified corner for the words of its heights [inch]."""
 SIZE = 7.5
-"""Of the letters [pt]."""
+"""Height of the letters [pt]."""
+FORMATS = (".svg", ".pdf", ".png")
 FILL = {"axle": "#DCE9F3", "wheel": "#FBEBD3"}
 COLOURS = {"seat": BLUE, "bore": VERMILION, "held": GREEN, "pushed": PURPLE, "axis": "0.45"}
 SMOOTH = 100.0, 4000.0
@@ -50,7 +51,7 @@ class Outline:
     named: Named
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sheet:
     """A view's place on the sheet: inches of a point (z, r)."""
 
@@ -76,8 +77,10 @@ def write_section(scene: Scene, target: Path) -> Path:
 
     Raises:
         MeshError: a mesh file cannot be read.
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written, or its ending is none of a drawing.
     """
+    if target.suffix not in FORMATS:
+        raise OutputError(f"{target}: no format of a drawing; end its name with {', '.join(FORMATS)}")
     drawn = section(scene)
     from matplotlib import rc_context
 
@@ -96,17 +99,20 @@ def section(scene: Scene) -> Any:
     height = max(under + (r1 - r0) * scale + over, sum(_corner_height(corner) for corner in corners) + 0.3)
     foot = 0.2 + 0.16 * len(notes)
     across = before + (z1 - z0) * scale + after
-    figure = blank(max(across + (CORNER + BESIDE if corners else 0.0), LEAST), height + foot + 0.7)
+    title = printable(scene.title) or "Section of the scene"
+    least = 0.3 + max(words_wide(title) * 10.0 / SIZE, *map(words_wide, notes))
+    figure = blank(max(across + (CORNER + BESIDE if corners else 0.0), least), height + foot + 0.7)
     axes = _canvas(figure)
-    sheet = Sheet(axes, scale, before, foot + under + 0.5 * (height - under - over - (r1 - r0) * scale), whole)
+    bottom = foot + under + 0.5 * (height - under - over - (r1 - r0) * scale)
+    sheet = Sheet(axes=axes, scale=scale, left=before, bottom=bottom, view=whole)
     _draw_whole(sheet, outlines, scene)
     top = foot + height
     for letter, corner in zip("ABCDEF", corners, strict=False):
         _draw_corner(axes, sheet, corner, letter, outlines, (across, top))
         top -= _corner_height(corner)
     for k, line in enumerate(notes):
-        axes.text(0.15, foot - 0.16 * (k + 1), line, fontsize=SIZE, color=INK, va="bottom")
-    axes.text(0.15, foot + height + 0.42, scene.title or "Section of the scene", fontsize=10, va="bottom")
+        axes.text(0.15, foot - 0.16 * (k + 1), line, fontsize=SIZE, color=INK, va="bottom", parse_math=False)
+    axes.text(0.15, foot + height + 0.42, title, fontsize=10, va="bottom", parse_math=False)
     return figure
 
 
@@ -199,7 +205,8 @@ def room(view: View, scale: float) -> tuple[float, float, float, float]:
         before = max(before, (z0 - middle + half) * scale)
         after = max(after, (middle + half - z1) * scale)
     deep = [PITCH * (1 + max((row for _, row in rows(spans, scale)), default=-1)) for spans in (view.below, view.above)]
-    upright = max((words_wide(span.label) for span in (*view.left, *view.right)), default=0.0) if not view.title else 0.0
+    columns = () if view.title else (*view.left, *view.right)  # whose words stand upright
+    upright = max((words_wide(span.label) for span in columns), default=0.0)
     over = max(deep[1], upright - (view.window[3] - view.window[2]) * scale)
     return before + MARGIN, after + MARGIN, deep[0] + MARGIN, over + MARGIN
 
@@ -348,7 +355,7 @@ def _draw_corner(
 
     scale = _corner_scale(corner)
     high = (corner.window[3] - corner.window[2]) * scale
-    sheet = Sheet(axes, scale, at[0] + 0.1, at[1] - MARGIN - high, corner)
+    sheet = Sheet(axes=axes, scale=scale, left=at[0] + 0.1, bottom=at[1] - MARGIN - high, view=corner)
     left, right, bottom, top = sheet.box
     frame = Rectangle((left, bottom), right - left, top - bottom, fill=False, lw=0.8, edgecolor="0.4", zorder=7)
     axes.add_patch(frame)
@@ -370,7 +377,11 @@ def _body_of(corner: View) -> str:
 
 def _notes(scene: Scene, drawn: list[View]) -> list[str]:
     """What the drawing does not show, in lines that fit under it."""
-    files = [f"mesh.{body} = {getattr(scene.mesh, body)}" for body in ("axle", "wheel") if getattr(scene.mesh, body)]
+    files = [
+        f"mesh.{body} = {printable(getattr(scene.mesh, body))}"
+        for body in ("axle", "wheel")
+        if getattr(scene.mesh, body)
+    ]
     words = unmeasured(scene, drawn)
     at = scene.displacements
     lines = [f"Lengths in mm, to scale. The wheel stands at {at[0]:g} mm and is pushed to {at[-1]:g} mm."]

@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks convergence [--quick]
 
-Predicted is what `converge wheelset` says of the scene as it is: three meshes (twice as coarse, its own, twice as fine)
-and half steps. True is its difference from an over-resolved run: every size of the mesh a quarter of the scene's, those in
-the arcs of the corners an eighth, and steps of 0.25 mm where the largest stresses are. Both in the norms of the table:
-relative, of a curve the largest, of a profile along the seat the root mean square. The bar is a factor of two either way
-for force, pressure and largest stress.
+Predicted is what `converge wheelset` says of the scene as it is: three meshes (twice as coarse, its own, twice as
+fine) and half steps. True is its difference from an over-resolved run: every size of the mesh a quarter of the scene's,
+those in the arcs of the corners an eighth, and steps of 0.25 mm where the largest stresses are. Both in the norms of
+the table: relative, of a curve the largest, of a profile along the seat the root mean square. The bar is a factor of
+two either way for force, pressure and largest stress.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ def over_resolved(scene: Scene, *, quick: bool) -> Figures:
     places = np.array(scene.displacements)
     if not quick:
         every = tuple(sorted({*scene.displacements, *np.arange(*PEAK, 0.25).tolist()}))
-        mesh = msgspec.structs.replace(fine.mesh, corner_facet=0.5 * fine.mesh.seat_facet, growth=1.15 * fine.mesh.growth)
+        corner = 0.5 * fine.mesh.seat_facet
+        mesh = msgspec.structs.replace(fine.mesh, corner_facet=corner, growth=1.15 * fine.mesh.growth)
         fine = msgspec.structs.replace(fine, mesh=mesh, motion=Motion(displacements=every))
     return figures(solve(fine), places)
 
