@@ -30,7 +30,7 @@ CORNER = 2.6
 """Width of a magnified corner on the sheet [inch]."""
 PITCH, MARGIN = 0.26, 0.35
 """From one row of dimensions to the next, and around a view [inch]."""
-BESIDE = 2.0
+BESIDE = 2.3
 """Room beside a magnified corner for the words of its heights [inch]."""
 SIZE = 7.5
 """Height of the letters [pt]."""
