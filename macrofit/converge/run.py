@@ -81,10 +81,14 @@ def converge(
     """
     places = np.array(scene.displacements)
     runs: dict[str, Figures] = {}
+    computed: list[tuple[Scene, Figures]] = []
 
     def run(name: str, tried: Scene) -> Figures:
-        runs[name] = figures(solve(tried, comm), places)
-        say(f"Computed        {name}: {runs[name].dofs} unknowns, {runs[name].cpu_s:.2g} s")
+        same = next((known for other, known in computed if other == tried), None)  # a preset may be the scene itself
+        runs[name] = figures(solve(tried, comm), places) if same is None else same
+        if same is None:
+            computed.append((tried, runs[name]))
+            say(f"Computed        {name}: {runs[name].dofs} unknowns, {runs[name].cpu_s:.2g} s")
         return runs[name]
 
     coarse = run("meshes twice as coarse", remeshed(scene, RATIO))

@@ -37,7 +37,7 @@ SIZE = 7.5
 FORMATS = (".svg", ".pdf", ".png")
 FILL = {"axle": "#DCE9F3", "wheel": "#FBEBD3"}
 COLOURS = {"seat": BLUE, "bore": VERMILION, "held": GREEN, "pushed": PURPLE, "axis": "0.45"}
-SMOOTH = 100.0, 4000.0
+SMOOTH = 50.0, 1000.0
 """Pieces of a contact line in its straight parts and in its arcs, which are drawn as chords."""
 INK = "0.25"
 
@@ -251,10 +251,16 @@ def _draw_bodies(sheet: Sheet, outlines: Sequence[Outline], clip: Any) -> None:
         )
         drawn = [sheet.axes.add_patch(shape)]
         for name, edges in each.named:
-            pieces = np.stack(sheet.at(edges[..., 0], edges[..., 1]), axis=-1)
+            pieces = [np.stack(sheet.at(*chain.T), axis=-1) for chain in _chains(edges)]
             drawn.append(sheet.axes.add_collection(LineCollection(pieces, colors=COLOURS[name], lw=2.0, zorder=2)))
         for part in drawn:
             part.set_clip_path(clip)
+
+
+def _chains(edges: FloatArray) -> list[FloatArray]:
+    """Edges (n, 2, 2) that follow each other joined to lines, each of its points (k, 2)."""
+    parts = np.split(edges, 1 + np.flatnonzero((edges[1:, 0] != edges[:-1, 1]).any(axis=1)))
+    return [np.append(part[:, 0], part[-1:, 1], axis=0) for part in parts]
 
 
 def _name_body(sheet: Sheet, each: Outline, scene: Scene) -> None:

@@ -204,3 +204,12 @@ def test_meshes_from_files_are_refused(tmp_path: Path) -> None:
     assert shown.exit_code == 2
     assert shown.stderr.startswith("macrofit: mesh.axle, mesh.wheel: converge cannot refine meshes from files; make ")
     assert shown.stderr.count("\n") == 1
+
+
+def test_a_preset_that_is_the_scene_itself_is_not_computed_again() -> None:
+    given = ("preset=fast", "motion.travel=0.004", "motion.increment=0.002")
+    lines: list[str] = []
+    scene = given_scene("contact-patch", given)
+    found = converge(scene, partial(preset_scene, "contact-patch", given), MPI.COMM_SELF, 0.05, lines.append)
+    assert found.runs["preset fast"] is found.runs["the scene"]
+    assert not [line for line in lines if "preset" in line]

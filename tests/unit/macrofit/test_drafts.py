@@ -108,3 +108,17 @@ def test_the_meshes_are_those_of_the_draft_of_a_wheel(here: Path) -> None:
         macrofit("init", kind)
         forces.append(solve(load_scene(here / f"{kind}.toml", short), MPI.COMM_SELF).force[-1])
     assert forces[1] == pytest.approx(forces[0], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_page_run(here: Path) -> None:
+    """docs/your-own-wheel.md, in the order in which it is read."""
+    page = (Path(__file__).parents[3] / "docs" / "your-own-wheel.md").read_text()
+    commands = [line.split()[1:] for line in page.splitlines() if line.startswith("macrofit ")]
+    assert [words[0] for words in commands] == ["init", "check", "converge"]
+    for words in commands:
+        shown = macrofit(*words, *(("--set", "motion.travel=20") if words[0] == "converge" else ()))
+        assert shown.exit_code == 0, shown.stderr
+    assert "Preset" in shown.stdout
+    assert (here / "section.svg").exists()
+    assert (here / "my-convergence" / "convergence.json").exists()
