@@ -193,7 +193,7 @@ def identify(
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
-    with ending(comm, target):
+    with ending(comm, target, resumes=False):
         from .identify.measured import Reading
         from .identify.output import carry_out_identification
 
@@ -232,7 +232,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
-    with ending(comm, target):
+    with ending(comm, target, resumes=False):
         if comm.rank < 2:
             import_mesher()
         from .converge.run import carry_out_convergence
@@ -288,8 +288,11 @@ def two_columns(text: str | None) -> tuple[str, str] | None:
 
 
 @contextmanager
-def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
-    """End every rank with the right code and one message: never a rank that waits for one that is gone."""
+def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
+    """End every rank with the right code and one message: never a rank that waits for one that is gone.
+
+    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
+    """
     try:
         yield
     except MacrofitError as error:  # raised on every rank together
@@ -299,7 +302,10 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     except (KeyboardInterrupt, Exception) as error:
         if was_interrupted(error):
             if comm.rank == 0:
-                complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+                kept = (
+                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
+                )
+                complain(f"interrupted{kept}")
             else:
                 time.sleep(PATIENCE_S)
             leave(comm, INTERRUPTED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -213,3 +214,23 @@ def test_a_preset_that_is_the_scene_itself_is_not_computed_again() -> None:
     found = converge(scene, partial(preset_scene, "contact-patch", given), MPI.COMM_SELF, 0.05, lines.append)
     assert found.runs["preset fast"] is found.runs["the scene"]
     assert not [line for line in lines if "preset" in line]
+
+
+@pytest.mark.parametrize(
+    "command", [("converge", "contact-patch"), ("identify", "contact-patch", "--curve", "curve.csv")]
+)
+def test_an_interruption_promises_nothing_that_is_not_there(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither command has --resume."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("macrofit.cli.leave", lambda comm, code: sys.exit(code))
+    monkeypatch.setattr("macrofit.converge.run.given_scene", interrupted)
+    monkeypatch.setattr("macrofit.identify.output.read_measured", interrupted)
+    shown = macrofit(*command)
+    assert shown.exit_code == 130
+    assert shown.stderr == "macrofit: interrupted; nothing was kept\n"
