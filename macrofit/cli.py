@@ -207,7 +207,7 @@ def identify(
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
-    with ending(comm, target):
+    with ending(comm, target, resumes=False):
         from .identify.measured import Reading
         from .identify.output import carry_out_identification
 
@@ -271,6 +271,34 @@ def judge(
     context.exit(code)
 
 
+@main.command()
+@click.argument("scene")
+@click.option(
+    "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
+    help="Relative error of force, pressure and largest stress that a preset must meet.",
+)  # fmt: skip
+@changes
+@click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-convergence.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: Path | None, quiet: bool) -> None:
+    """Estimate how exact SCENE is: force, pressure and largest stress on three meshes and with two step lengths.
+
+    The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the
+    limit. Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json.
+    """
+    from mpi4py import MPI
+
+    comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
+    with ending(comm, target, resumes=False):
+        if comm.rank < 2:
+            import_mesher()
+        from .converge.run import carry_out_convergence
+
+        lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
+        for line in [] if quiet else lines:
+            click.echo(line)
+
+
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
     """Print a summary; of a quiet run its doubts alone, as errors are."""
     from .base.progress import say
@@ -317,8 +345,11 @@ def two_columns(text: str | None) -> tuple[str, str] | None:
 
 
 @contextmanager
-def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
-    """End every rank with the right code and one message: never a rank that waits for one that is gone."""
+def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
+    """End every rank with the right code and one message: never a rank that waits for one that is gone.
+
+    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
+    """
     try:
         yield
     except MacrofitError as error:  # raised on every rank together
@@ -328,7 +359,10 @@ def ending(comm: MPI.Comm, folder: Path) -> Iterator[None]:
     except (KeyboardInterrupt, Exception) as error:
         if was_interrupted(error):
             if comm.rank == 0:
-                complain(f"interrupted; what was computed is in {folder}, continue with --resume")
+                kept = (
+                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
+                )
+                complain(f"interrupted{kept}")
             else:
                 time.sleep(PATIENCE_S)
             leave(comm, INTERRUPTED)
@@ -359,9 +393,29 @@ def providers() -> None:
 
 
 @main.command()
+@click.argument("kind", type=click.Choice(["hub", "wheel", "hollow-axle", "meshes"]), default="hub")
+@click.option("-o", "--output", "target", type=FILE, help="The file [KIND.toml].")
+def init(kind: str, target: Path | None) -> None:
+    """Write a scene to begin with, every key with its meaning, its unit and its default; nothing is overwritten.
+
+    KIND is hub (a plain ring; the default), wheel, hollow-axle, or meshes, which brings two mesh files along.
+    """
+    if kind == "meshes":
+        import_mesher()
+    from .drafts.write import write_draft
+
+    for file in write_draft(kind, target or Path(f"{kind}.toml")):
+        click.echo(f"Written         {file}")
+
+
+@main.command()
 @click.argument("scene")
 @changes
-def check(scene: str, overrides: tuple[str, ...]) -> None:
+@click.option(
+    "-o", "--output", "target", type=FILE, metavar="DRAWING",
+    help="Also draw the section to scale with every key of its shapes on it: .svg, .pdf or .png.",
+)  # fmt: skip
+def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
     from .base.progress import printable
     from .bodies.outlook import first_touch
@@ -386,6 +440,10 @@ def check(scene: str, overrides: tuple[str, ...]) -> None:
     click.echo(f"Friction        {resolved.friction.provider}")
     for line in doubtful_lines(foreseen(resolved)):
         click.echo(line)
+    if target is not None:
+        from .figures.section import write_section
+
+        click.echo(f"Section         {write_section(resolved, target)}")
 
 
 @main.command()

@@ -52,7 +52,7 @@ class Arc:
 def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
-        _clearance, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps, _sharp_corners,
+        _clearance, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps, sharp_corners,
         _odd_meshes, _linear_flow, _long_plastic_steps,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
@@ -145,7 +145,8 @@ def _long_steps(scene: Scene) -> Iterator[str]:
         )
 
 
-def _sharp_corners(scene: Scene) -> Iterator[str]:
+def sharp_corners(scene: Scene) -> Iterator[str]:
+    """The doubt about corners without a blend that are pressed: stresses there grow with every finer mesh."""
     axle, wheel, places = scene.axle, scene.wheel, scene.displacements
     if not (isinstance(axle, Shaft) and isinstance(wheel, Hub)) or (scene.interference or 0.0) <= 0.0:
         return
