@@ -5,8 +5,8 @@
 Every built-in scene with yield stresses of 250 to 540 MPa, linear kinematic hardening of 0, 2 and 10 GPa, and friction
 of 0, 0.11 and 0.3. A run ends converged, or in one line that says what is wrong; a run that ends is judged by its
 doubts, and by what must hold whatever the scene: forces in balance, and no stress beyond the yield stress and what
-hardening adds to it. What breaks that without a doubt is silently wrong. Ends with 1 where a run did not converge or
-was silently wrong.
+hardening adds to it. What breaks that without a doubt is silently wrong. Ends with 1 where an increment that was
+accepted did not converge, or a run was silently wrong.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class Outcome:
 
     @property
     def unconverged(self) -> bool:
-        """Whether it ended early, or has an increment that did not converge."""
-        return self.solution is None or not all(record.converged for record in self.solution.increments)
+        """Whether it accepted an increment that did not converge."""
+        return self.solution is not None and not all(record.converged for record in self.solution.increments)
 
     @property
     def silent(self) -> bool:
@@ -121,6 +121,7 @@ def line(scene: str, outcomes: Sequence[Outcome]) -> str:
         len(outcomes),
         len(records),
         sum(outcome.unconverged for outcome in outcomes),
+        sum(bool(outcome.error) for outcome in outcomes),
         sum(record.cutbacks for record in records),
         sum(bool(outcome.doubts) for outcome in outcomes),
         sum(outcome.silent for outcome in outcomes),
@@ -142,7 +143,7 @@ def main(words: Sequence[str]) -> int:
         options.scenes, options.overrides = QUICK, [*options.overrides, "mesh.order=1"]
     print(
         head(
-            "scene", "runs", "increments", "not converged", "cutbacks", "doubtful", "silently wrong",
+            "scene", "runs", "increments", "not converged", "clear error", "cutbacks", "doubtful", "silently wrong",
             "most iterations in one", "on average", "energy balance without a doubt", "largest plastic strain",
         )
     )  # fmt: skip
@@ -167,7 +168,10 @@ def said(outcomes: Sequence[Outcome]) -> int:
         for text in filter(None, (outcome.error, *silent, *outcome.doubts)):
             kind = f"silently wrong, {text}" if text in silent else text
             told.setdefault((outcome.case.scene, kind.partition(":")[0]), []).append(f"{outcome.case}: {text}")
-    print(f"\n{len(outcomes)} runs, {failed} not converged or silently wrong.\n")
+    print(
+        f"\n{len(outcomes)} runs, {sum(bool(o.error) for o in outcomes)} ended in a clear error, {failed} "
+        "were not converged or silently wrong.\n"
+    )
     for (scene, kind), texts in told.items():
         print(f"- {scene}, {kind}: {len(texts)}. The last is {texts[-1]}")
     return int(bool(failed))
