@@ -75,6 +75,8 @@ def _line(check: Check) -> str:
 
 def _of_curve(path: Path, seat: Seat, reading: Reading, rules: Standard, wheel: str | None) -> tuple[str, Verdict]:
     if seat.diameter is None or seat.length is None:
+        if not path.exists():
+            raise OutputError(f"{path}: cannot be read: there is no such file or folder")
         missing = [f"--{name} MM" for name in ("diameter", "length") if getattr(seat, name) is None]
         raise OutputError(f"{path}: say what fit the curve is of: {' and '.join(missing)}, as --diameter 190")
     measured = read_measured(path, reading)

@@ -22,10 +22,14 @@ from .presets import DEFAULT, on_preset
 EngineName = Literal["auto", "quasi-static", "explicit"]
 SPEED = 20_000.0
 """Speed of the slide in the explicit engine, where none is given [mm/s]."""
+FASTEST = 3e6
+"""Largest speed [mm/s], about that of shear waves in steel: beyond it a plate is gone before it has felt the other."""
 DYNAMIC = ("time_step", "breakage", "resonance")
 """Keys of the engine that ask for the explicit one."""
 
 
+Speed: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0, le=FASTEST)]
+Resonance: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 Seed: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Height: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Coefficient: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
@@ -182,11 +186,11 @@ class EngineKeys(Keys, frozen=True):
     tolerance: Annotated[
         float, told("Quasi-static: residual over the largest contact force [-]."), msgspec.Meta(ge=1e-9, le=0.05)
     ] = 1e-3
-    speed: Annotated[Positive, told("Explicit: speed of the slide [mm/s].")] = SPEED
+    speed: Annotated[Speed, told("Explicit: speed of the slide [mm/s].")] = SPEED
     resonance: Annotated[
-        Positive | None, told("Explicit, and asks for it: speed over the plates' f d, in place of engine.speed [-].")
+        Resonance | None, told("Explicit, and asks for it: speed over the plates' f d, in place of engine.speed [-].")
     ] = None
-    approach_speed: Annotated[Positive, told("Explicit: speed of the squeeze [mm/s].")] = 2_000.0
+    approach_speed: Annotated[Speed, told("Explicit: speed of the squeeze [mm/s].")] = 2_000.0
     damping_length: Annotated[
         Positive, told("Explicit: the slide's rate of damping is the speed over this length [mm].")
     ] = 0.08

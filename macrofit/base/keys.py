@@ -81,6 +81,9 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any], kind: t
         return f"{join_keys(where, missing.group(1))}: missing"
     if bound:
         return f"{where}: {_value_at(tables, where)} must {_bound(*bound.groups())}"
+    if message.startswith("Invalid value '"):
+        choices = ", ".join(map(str, _tags(kind, where, tables)))
+        return f"{where}: {message[0].lower()}{message[1:]}" + (f" (one of {choices})" if choices else "")
     if message.startswith("Invalid enum value"):
         choices = ", ".join(map(str, _choices(kind, where, tables)))
         return f"{where}: {message[0].lower()}{message[1:]}" + (f" (one of {choices})" if choices else "")
@@ -130,6 +133,20 @@ def _choices(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence[An
         found = _plain(found.item_type)
     kinds = [_plain(each) for each in getattr(found, "types", (found,))]
     return [value for each in kinds if isinstance(each, inspect.LiteralType) for value in each.values]
+
+
+def _tags(kind: type[msgspec.Struct], where: str, tables: Any) -> Sequence[Any]:
+    """The values of the key that says of which kind its table is; none where it may have any."""
+    from msgspec import inspect
+
+    info: Any = inspect.type_info(kind)
+    *path, last = where.split(".")
+    for key in path[:-1]:
+        tables = tables.get(key, {}) if isinstance(tables, Mapping) else {}
+        info = _table_info(_field_types(info)[key], tables)
+    found = _plain(_field_types(info).get(path[-1])) if info is not None and path else None
+    kinds = [_plain(each) for each in getattr(found, "types", (found,))]
+    return [each.tag for each in kinds if isinstance(each, inspect.StructType) and each.tag_field == last]
 
 
 def _field_types(info: Any) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def _odd_meshes(scene: Scene) -> Iterator[str]:
 def _clearance(scene: Scene) -> Iterator[str]:
     if scene.interference is not None and scene.interference <= 0.0:
         yield (
-            f"clearance: the bore is {-scene.interference:.4g} mm wider than the seat, on the radius; a press-fit "
+            f"clearance: the bore is {abs(scene.interference):.4g} mm wider than the seat, on the radius; a press-fit "
             f"needs axle.seat_radius above wheel.bore_radius"
         )
 

@@ -16,6 +16,10 @@ SMALL_STRAIN = 0.02
 SHORTEST_LENGTH = 1e-7
 """Shortest length of a body, in its largest: drawing and meshing tell points apart by some 1e-8 of it."""
 
+SOFTEST = 2e-5
+"""Smallest yield stress that can be followed, in Young's moduli: the elastic strain at yield, of which the plastic
+strain of a step is found to 1e-3; a hub of 2e-5 E is right to 1 %, of 1e-5 E to 9 %, and of 5e-7 E bears nothing."""
+
 NO_LENGTHS = ("taper", "bore_taper", "web_offset")
 """Keys of a body that are no lengths, or may be as small as they like."""
 
@@ -71,6 +75,13 @@ def _check_material(where: str, material: Material, scene: Scene) -> None:
             f"{where}.hardening: {len(keys.moduli)} moduli and {len(keys.recalls)} recalls; give one of each for "
             f"every back-stress",
         )
+    first = keys.stress[0] if isinstance(keys, TabulatedHardening) else stated
+    _need(
+        first is None or material.elastic or first >= SOFTEST * material.youngs_modulus,
+        f"{where}.{'hardening.stress' if stated is None else 'yield_stress'}: {first} is less than {SOFTEST:g} of "
+        f"{where}.youngs_modulus, {material.youngs_modulus:.6g}: no solid yields so soon, and the contact would not "
+        f"see what it bears; both are in MPa",
+    )
     yields = stated is not None or material.grade is not None or isinstance(keys, TabulatedHardening)
     if yields and not material.elastic:
         _need(

@@ -138,7 +138,7 @@ def _advice(said: str, tables: Mapping[str, Any]) -> str:
     if body not in ("axle", "wheel"):
         return said
     if key == "shape" and "nvalid value" in said:
-        return f"{said} (try shaft, wheel or disc; a mesh file goes under [mesh])"
+        return f"{said.partition(' (one of')[0]} (try shaft, wheel or disc; a mesh file goes under [mesh])"
     if ": unknown key" in said and tables[body].get("shape") == "mesh":
         return f"{body}.{key}: not used where mesh.{body} gives a file; leave one of them out"
     return said

@@ -35,6 +35,7 @@ BALL = {"shape": "ball", "radius": 1.0}
         ({"body": {"shape": "ball", "radius": -1.0}}, "body.radius: -1.0 must be positive"),
         ({"body": {"shape": "box", "edge": -1}}, "body.edge: -1 must not be negative"),
         ({"body": {"shape": "ball"}}, "body.radius: missing"),
+        ({"body": {"shape": "cone"}}, "body.shape: invalid value 'cone' (one of ball, box)"),
         ({}, "body: missing"),
         ({"body": {"shape": "ball", "radius": 1.0, "edg": 1}}, "body.edg: unknown key (known keys: radius)"),
         ({"body": {"shape": "box", "edg": 1}}, "body.edg: unknown key (did you mean 'edge'?)"),

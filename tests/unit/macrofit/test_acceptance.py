@@ -382,6 +382,7 @@ def test_what_cannot_be_judged_is_one_line(curve_file, tmp_path):
         ((curve_file("ramp"),), "--diameter MM and --length MM"),
         ((curve_file("ramp"), "--diameter", 190), "is of: --length MM"),
         ((tmp_path / "none.csv", *SEAT), "cannot be read"),
+        ((tmp_path / "none",), "no such file or folder"),
         ((curve_file("ramp"), *SEAT, "--standard", "din"), "no standard 'din'"),
         ((curve_file("ramp"), *SEAT, "--wheel", "emu"), "no wheel 'emu'"),
         ((tmp_path,), "holds no run of macrofit"),

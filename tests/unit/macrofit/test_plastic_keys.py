@@ -23,6 +23,8 @@ WITHOUT_HARDENING = [
     ({"yield_stress": "0"}, "axle.material.yield_stress", "must be positive"),
     ({"yield_stress": "nan"}, "axle.material.yield_stress", ""),
     ({"grade": "S355"}, "axle.material.grade", "S355"),
+    ({"yield_stress": "4.1"}, "axle.material.yield_stress", "no solid yields so soon"),  # in kN/mm2 or GPa: 0.42
+    ({"hardening": "{law='table', plastic_strain=[0, 1], stress=[0.4, 0.5]}"}, "hardening.stress", "both are in MPa"),
 ]
 NEGATIVE = "must not be negative"
 HARDENING = [  # law and keys; the key that is named; what is said
@@ -30,7 +32,7 @@ HARDENING = [  # law and keys; the key that is named; what is said
     ("'linear', kinematic=-1", "hardening.kinematic", NEGATIVE),
     ("'voce', saturation=-5, rate=2", "hardening.saturation", NEGATIVE),
     ("'voce', saturation=5", "hardening", "rate"),
-    ("'square'", "hardening", "square"),
+    ("'square'", "hardening", "'square' (one of linear, voce, chaboche, table)"),
     ("'chaboche', moduli=[1e4, 1e3], recalls=[1e2]", "axle.material.hardening", "2 moduli and 1 recalls"),
     ("'chaboche', moduli=[1,1,1,1], recalls=[1,1,1,1]", "hardening.moduli", ""),
     ("'table', plastic_strain=[0, 0.1], stress=[300, 290]", "hardening.stress", "softens"),
