@@ -63,6 +63,11 @@ def _free(press: Steps, state: State, first: float = FIRST_WAY) -> Step:
     free = force_free(fit_at, state.displacement, state.axial_force, first)
     if free is None:
         free = force_free(fit_at, state.displacement, state.axial_force)
+    if free is None and state.friction_force == 0.0:
+        raise ConvergenceError(
+            f"motion.release: without friction nothing holds the wheel at {state.displacement:.6g} mm, and no "
+            f"displacement without force was found; leave release out, or give a coefficient of friction"
+        )
     if free is None or not free.report.converged:
         raise ConvergenceError(
             f"motion.release: no displacement without force was found from {state.displacement:.6g} mm on; "

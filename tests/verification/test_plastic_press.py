@@ -189,6 +189,12 @@ def test_a_fit_in_place_has_nothing_to_let_go() -> None:
         assert len(solved(load_scene("lame-rings", keys)).increments) == 1
 
 
+def test_without_friction_nothing_holds_the_wheel() -> None:
+    """A ring that slides freely on a seat as long as itself: no place is free but off the seat."""
+    with pytest.raises(ConvergenceError, match=r"motion\.release: without friction nothing holds the wheel at 40 mm"):
+        solved(load_scene("lame-rings", [RELEASE, "wheel.material.yield_stress=300"]))
+
+
 def test_release_in_steps_follows_the_slip(monkeypatch: pytest.MonkeyPatch) -> None:
     """`push-out` in one step leaves an energy balance of 0.4, for slip turns along the whole shaft; in 16, of 0.07."""
     scene = load_scene("push-out", [RELEASE, "mesh.seat_facet=4", "output.stress=false", "output.fields_at=[]"])

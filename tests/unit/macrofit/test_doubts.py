@@ -112,6 +112,11 @@ def test_interpenetration_is_measured(overrides: tuple[str, ...], told: bool) ->
     assert (interpenetration(solution) > 0.01) is told
 
 
+def test_no_interference_is_no_negative_clearance(tmp_path: Path) -> None:
+    told = [sentence for sentence in foreseen(hub(tmp_path, "wheel.bore_radius=50")) if "clearance" in sentence]
+    assert "the bore is 0 mm wider" in told[0]
+
+
 @pytest.mark.parametrize(
     ("override", "key"),
     [
