@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -84,6 +85,8 @@ class Press:
     def increments(self, state: State, first: int = 0) -> Iterator[tuple[Increment, State]]:
         """The increments of the scene from number ``first`` on, each with the state it leaves.
 
+        A press that finds no place to let go is warned of; the increments end without its release.
+
         Raises:
             ConvergenceError: no cutback helps.
             ProviderError: friction cannot be had.
@@ -96,7 +99,11 @@ class Press:
         planned = len(self.scene.displacements)
         if self.scene.motion.release and first <= planned and is_held(state):
             started = time.perf_counter()
-            steps, cutbacks = let_go(self, state)
+            try:
+                steps, cutbacks = let_go(self, state)
+            except ConvergenceError as error:  # what was pressed stays, and a doubt says that it is not released
+                warnings.warn(str(error), stacklevel=2)
+                return
             after = self._committed(state, steps[-1].state)
             yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started), after
 

@@ -29,6 +29,10 @@ ENERGY_BALANCE = 0.05
 LARGE_STRAIN = 0.1
 """Largest plastic strain of small strain theory: rotations and changes of area of that size are left out."""
 
+RELEASED = 1e-4
+"""Largest force over the normal force that a press holds and has let go all the same: plastic strains settle to 1e-3 of
+a step's, which leaves 2e-5."""
+
 
 class DoubtfulRun(MacrofitError):
     """A run with doubts where none are allowed."""
@@ -37,7 +41,7 @@ class DoubtfulRun(MacrofitError):
 def doubts(solution: Solution) -> list[str]:
     """A sentence for each doubt about a run, what it showed before what its scene foretold."""
     checks: tuple[Callable[[Solution], Iterator[str]], ...] = (
-        _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain,
+        _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain, _held,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(solution)] + foreseen(solution.scene)
 
@@ -128,6 +132,19 @@ def _yield(solution: Solution) -> Iterator[str]:
             f"beyond yield: the {body} is taken as elastic, and its stress reaches {zone.value:.3g} times the yield "
             f"stress, {zone.depth_mm:.1f} mm deep and over {zone.area_mm2:.0f} mm2 of the section; leave "
             f"{body}.material.elastic out"
+        )
+
+
+def _held(solution: Solution) -> Iterator[str]:
+    """A press that was to let go, and found no place without force."""
+    records = solution.increments
+    if not (solution.scene.motion.release and records):
+        return
+    left = abs(records[-1].force)
+    if left > RELEASED * max(records[-1].normal_force, abs(records[-1].force)):
+        yield (
+            f"not released: {left / 1e3:.4g} kN are left at {records[-1].displacement:g} mm, for no displacement "
+            f"without force was found; take motion.release out, or move the wheel back by motion.displacements"
         )
 
 
