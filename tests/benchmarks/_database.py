@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "build" / "bench" / "train.h5"
 PAIRS = 1000
 """Of the default database."""
-TOY = Header(design="{}", settings="", code="", version="", micro_frictions=2, squares=2)
+TOY = Header(design="{}", settings='[surface]\nform = "tiles"\n', code="", version="", micro_frictions=2, squares=2)
 """Of made-up samples."""
 
 

@@ -38,7 +38,7 @@ Content = list[bytes] | None
 """What a file holds, piece by piece; None where it is as good as none and what it held is made anew."""
 HEADER = Header(
     design=json.dumps({"seed": 0, "levels": [3, 4]}),
-    settings='title = "Two"\n\n[plates]\nspheres = 500\n',
+    settings='title = "Two"\n\n[surface]\nform = "tiles"\n\n[plates]\nspheres = 500\n',
     code="c0de",
     version="0.1.0",
     micro_frictions=2,

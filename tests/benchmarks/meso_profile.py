@@ -61,7 +61,7 @@ def preparation(overrides: Sequence[str]) -> list[Cost]:
 
 def condensation(made: Plates) -> list[Cost]:
     """Set-up of the quasi-static engine: factors and dense compliances of both plates."""
-    names = ("_order", "_analyse", "_factorize", "_trailing_block", "compliance")
+    names = ("_order", "_analyse", "_factorize", "trailing_block", "compliance")
     with ExitStack() as stack:
         order, analysis, numeric, trailing, dense = (
             stack.enter_context(Watch(Factor, name, lambda arguments, result: (arguments[0], result))) for name in names
