@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from ..base.arrays import BoolArray, FloatArray
 from .body import Body
@@ -52,6 +51,8 @@ class StressEvaluator:
         """Largest distance of chosen points (points,) from the contact line [mm], and their area [mm2]."""
         if not chosen.any():
             return 0.0, 0.0
+        from scipy.spatial import cKDTree  # 0.05 s that a body which does not yield need not wait for
+
         distance, _ = cKDTree(self.body.line.nodes).query(self.places[chosen])
         corners = self.body.space.nodes[self.body.space.cells[:, :3]]
         sides = corners[:, 1:] - corners[:, :1]
