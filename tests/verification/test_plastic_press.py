@@ -165,7 +165,8 @@ def test_the_press_lets_go(steel: tuple[str, ...], formulation: str, found: Foun
     assert 59.8 < free.displacement < 60.0
     touching = np.flatnonzero(free.facets.status != OPEN)
     assert (held.facets.traction[touching] >= 0.0).all()
-    assert free.facets.traction.min() < -15.0 < 15.0 < free.facets.traction.max()  # turned at an end, held elsewhere
+    # turned at an end, held elsewhere: by 15 MPa and more, 14.8 on the mesh of another gmsh
+    assert free.facets.traction.min() < -14.0 < 14.0 < free.facets.traction.max()
     bound = free.facets.friction * free.facets.pressure
     assert (np.abs(free.facets.traction) <= bound + 1e-9 * bound.max()).all()
     assert 0.9 < free.normal_force / held.normal_force < 1.0
