@@ -14,7 +14,7 @@ from .contact.condensed import Condensed
 from .contact.seat import Seat
 from .errors import SceneError
 from .friction import BuildContext, FrictionField, ScriptFriction, build_provider
-from .parallel import SharedAsk, owner
+from .parallel import SharedAsk, owner, summed
 from .plasticity.material import hardening
 from .press import TILE, Engine, tiles
 from .scene.keys import Scene
@@ -47,10 +47,12 @@ class Assembly:
         """Unknowns of both bodies."""
         return self.axle.dofs + self.wheel.dofs
 
-    @property
-    def factorisations(self) -> int:
-        """Those that condensing took, of both bodies."""
-        return self.axle.factorisations + self.wheel.factorisations
+    def work(self) -> dict[str, int]:
+        """Factorisations and right-hand sides of both bodies so far, each on its own rank. Collective."""
+        own = [body for name, body in self.bodies.items() if owner(self.comm, name) == self.comm.rank]
+        factorisations = sum(body.factorisations for body in own)
+        sides = sum(body.back_substitutions for body in own)
+        return summed(self.comm, {"factorisations": factorisations, "back_substitutions": sides})
 
     def serves(self, scene: Scene) -> bool:
         """Whether the scene has the same bodies, meshes, contact formulation and solver."""

@@ -11,6 +11,8 @@ from typing import IO, TYPE_CHECKING, Protocol
 from .base.progress import Bar, say, suited
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from .scene import Scene
     from .solution import Increment
 
@@ -119,6 +121,11 @@ class Progress:
     def finished(self) -> None:
         """Draw the bar a last time and give the terminal back."""
         self._bar.stop()
+
+
+def lines_of_first(comm: MPI.Comm, *, quiet: bool) -> Callable[[str], None]:
+    """What says a line on the first rank, unless it is to be quiet; other ranks say nothing."""
+    return say if comm.rank == 0 and not quiet else lambda line: None
 
 
 def on_screen(*, quiet: bool) -> Monitor:

@@ -62,7 +62,7 @@ def solve(
     agree(comm, [scene])
     clock = [time.process_time()]
 
-    factored = 0 if assembly is None else assembly.factorisations
+    before = {} if assembly is None else assembly.work()
     assembly = assemble(scene, comm) if assembly is None else assembly.checked(scene, comm)
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
     check_approach(scene, seat.line.side, wheel.line.side)
@@ -80,9 +80,8 @@ def solve(
     monitor.finished()
 
     counters = {
-        "factorisations": assembly.factorisations - factored + stresses.factorisations,
         "interface_factorisations": engine.factorisations - engaged,
-        **_counters(increments, stresses, field), **summed(comm, _counted(field, comm)),
+        **_counters(increments, assembly.work(), before, field), **summed(comm, _counted(field, comm)),
     }  # fmt: skip
     return _solution(press, assembly, increments, stresses, clock, counters)
 
@@ -107,11 +106,14 @@ def _counted(field: FrictionField, comm: MPI.Comm) -> dict[str, int]:
     return {}
 
 
-def _counters(increments: list[Increment], stresses: Stresses, field: FrictionField) -> dict[str, int]:
+def _counters(
+    increments: list[Increment], work: dict[str, int], before: dict[str, int], field: FrictionField
+) -> dict[str, int]:
+    done = {name: count - before.get(name, 0) for name, count in work.items()}
     return {
+        **done,
         "newton_iterations": sum(record.newton_iterations for record in increments),
-        "right_hand_sides": stresses.back_substitutions,  # condensing takes none, a Schur complement instead
-        "back_substitutions": stresses.back_substitutions,
+        "right_hand_sides": done["back_substitutions"],  # condensing takes none, a Schur complement instead
         "provider_calls": field.calls,
         "pairs_asked": field.pairs_asked,
     }

@@ -34,8 +34,6 @@ class Stresses:
     reactions: dict[str, FloatArray]  # body -> axial force of its support at each increment [N], NaN if not computed
     flowed: dict[str, YieldZone]
     beyond_yield: dict[str, YieldZone]
-    factorisations: int
-    back_substitutions: int
 
 
 def evaluate_stresses(
@@ -52,8 +50,6 @@ def evaluate_stresses(
             reactions={},
             flowed={},
             beyond_yield={},
-            factorisations=0,
-            back_substitutions=0,
         )
     found: dict[str, _BodyStresses] = {}
     with raise_together(comm):
@@ -76,8 +72,6 @@ def evaluate_stresses(
         reactions={name: part.reactions for name, part in both.items()},
         flowed={name: part.zone for name, part in both.items() if part.zone and part.yields},
         beyond_yield={name: part.zone for name, part in both.items() if part.zone and not part.yields},
-        factorisations=sum(part.factorisations for part in both.values()),
-        back_substitutions=sum(part.back_substitutions for part in both.values()),
     )
 
 
@@ -98,8 +92,6 @@ class _BodyStresses:
     reactions: FloatArray
     zone: YieldZone | None
     yields: bool
-    factorisations: int
-    back_substitutions: int
 
 
 def _evaluate(
@@ -112,7 +104,6 @@ def _evaluate(
     everywhere: bool,
 ) -> _BodyStresses:
     body = evaluator.body
-    factored, solved = body.factorisations, body.back_substitutions
     flowed = [False] * len(loads) if flow is None else flow.any
     loaded = [k for k, load in enumerate(loads) if load.any() or flowed[k]]  # where none is, nothing is displaced
     reactions = np.zeros(len(loads))
@@ -152,8 +143,6 @@ def _evaluate(
         if flow is None
         else _flow_zone(evaluator, flow.at([len(loads) - 1])[1][:, 0], travels[-1]),
         yields=flow is not None,
-        factorisations=body.factorisations - factored,
-        back_substitutions=body.back_substitutions - solved,
     )
 
 

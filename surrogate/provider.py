@@ -102,6 +102,12 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             raise ProviderError(f"friction.options.plates = {preset!r}: take {' or '.join(PRESETS)}, or keys of plates")
         if "edge" in keys:
             raise ProviderError("friction.options.plates.edge: leave it out, it is the length of a tile")
+        packings = sorted(keys.keys() & {"packing_seed", "axle_packing_seed"})
+        if packings and self.fallback != "dem":
+            raise ProviderError(
+                f"friction.options.plates.{packings[0]}: leave it out, the network gives the mean over packings (it is "
+                f"for friction.options.fallback = 'dem' and for the provider 'dem')"
+            )
         if self.model is not None and self.network != "energy":
             raise ProviderError("friction.options.network: leave it out, it is friction.options.model")
         try:

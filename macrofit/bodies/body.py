@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sla
@@ -22,6 +23,7 @@ from ..scene.material import Material
 from .approach import Side, beside_line
 from .elasticity import weak_form
 from .fenics import Discretisation, discretise
+from .gauss import GaussPoints
 from .geometry import Generatrix, Sizes, draw_body, polyline
 from .mesh import MeshData, mesh_drawing, read_mesh
 from .triangles import ordered_line
@@ -85,7 +87,6 @@ class CondensedBody:
     line: ContactLine
     compliance: FloatArray  # (2 trace nodes, 2 loaded nodes) [mm/N]
     dofs: int
-    factorisations: int
 
 
 class Body:
@@ -131,6 +132,11 @@ class Body:
         self.factorisations = 0
         self.back_substitutions = 0
         self._factor: Factor | None = None
+
+    @cached_property
+    def gauss(self) -> GaussPoints:
+        """Its Gauss points, for stresses and for flow."""
+        return GaussPoints(self.space)
 
     @property
     def dofs(self) -> int:
@@ -179,7 +185,7 @@ class Body:
         if n:
             coupled = sla.blas.dtrsm(-1.0, lower[:n, :n], lower[n:, :n].T @ inverse, lower=1, trans_a=1)
             blocks[:, loaded:] = by_component(coupled)
-        return CondensedBody(self.line, blocks.reshape(2 * len(trace), -1), self.dofs, self.factorisations)
+        return CondensedBody(self.line, blocks.reshape(2 * len(trace), -1), self.dofs)
 
     def _factored(self, last: IntArray | None = None) -> Factor:
         """The factor of K, the nodes ``last`` at its end; a supported unknown has 1 on its diagonal and nothing else.

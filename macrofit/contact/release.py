@@ -21,7 +21,7 @@ MOST_STEPS = 20
 HALVINGS = 14
 """How often the interval is halved in which bodies part."""
 
-FIRST_WAY, LAST_WAY = 1e-6, 50.0
+FIRST_WAY, LAST_WAY = 1e-6, 20.0
 """First and last distance by which a press goes back [mm]; each is four times the one before."""
 
 

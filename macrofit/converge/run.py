@@ -11,8 +11,9 @@ from mpi4py import MPI
 
 from ..base.ranks import made_by_first, raise_together
 from ..errors import SceneError
+from ..monitor import lines_of_first
 from ..presets import PRESETS
-from ..results.folder import prepare
+from ..results.folder import prepare_for_all
 from ..results.foresight import sharp_corners
 from ..scene import Scene
 from ..solve import solve
@@ -44,18 +45,12 @@ def carry_out_convergence(
         MacrofitError: on all ranks together.
     """
     scene = made_by_first(comm, lambda: given_scene(source, overrides))
-    with raise_together(comm):
-        if comm.rank == 0:
-            prepare(folder, owned=(folder / NUMBERS).is_file())
-
-    def say(line: str) -> None:
-        if comm.rank == 0 and not quiet:
-            print(line, flush=True)
+    prepare_for_all(comm, folder, NUMBERS)
 
     def preset(name: str) -> Scene:
         return made_by_first(comm, lambda: preset_scene(source, overrides, name))
 
-    found = converge(scene, preset, comm, tolerance, say)
+    found = converge(scene, preset, comm, tolerance, lines_of_first(comm, quiet=quiet))
     lines: list[str] = []
     with raise_together(comm):
         if comm.rank == 0:

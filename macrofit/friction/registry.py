@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from macrofit.base.foreign import foreign_code
+from macrofit.base.keys import KeyMistake, decode_tables
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import declared_dependence
 from macrofit.friction.contract import BuildContext, FrictionProvider, ProviderOptions
@@ -22,6 +23,10 @@ BUILT_IN = {
     "evolving": "macrofit.friction.evolving:Evolving",
 }
 """Providers that need no package metadata. Their names are reserved: no plugin can take them over."""
+
+
+WHOLE = "options"
+"""What a mistake that no key alone makes begins with."""
 
 
 class InstalledProvider(NamedTuple):
@@ -143,10 +148,14 @@ def decode_options(name: str, kind: type[Any], options: Mapping[str, object]) ->
             )
     try:
         with foreign_code():
-            decoded: ProviderOptions = msgspec.convert(dict(options), type=kind, strict=True)
+            decoded: ProviderOptions = decode_tables(options, kind, WHOLE)
+    except KeyMistake as error:
+        told = str(error)
+        if told.startswith(f"{WHOLE}: "):
+            raise ProviderError(f"{WHOLE} of friction provider {name!r}{told.removeprefix(WHOLE)}") from error
+        raise ProviderError(f"friction.options.{told}") from error
     except Exception as error:
-        told = str(error).replace("`$.", "`friction.options.")
-        raise ProviderError(f"options of friction provider {name!r}: {told}") from error
+        raise ProviderError(f"options of friction provider {name!r}: {error}") from error
     return decoded
 
 

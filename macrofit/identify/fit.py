@@ -355,7 +355,7 @@ class ForwardModel:
         scene = made_by_first(self.comm, lambda: load_scene(self.source, changed))
         if self._assembly is None or not self._assembly.serves(scene):
             self._assembly = assemble(scene, self.comm)
-            self.factorisations += self._assembly.factorisations
+            self.factorisations += self._assembly.work()["factorisations"]
         solution = solve(scene, self.comm, Silent(), None, self._assembly, friction=self.friction)
         failed = sum(not record.converged for record in solution.increments)
         if failed:

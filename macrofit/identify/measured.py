@@ -24,6 +24,12 @@ LARGEST = 1e15
 """No displacement [mm] and no force [N] is larger."""
 JITTER = 0.005
 """How far a displacement may go back, relative to the whole way [-]: a transducer's noise, not a return."""
+SPRING_BACK = 0.01
+"""How far a wheel may spring back when the press lets go, relative to the whole way [-]: `wheelset` by 5e-4."""
+AT_REST = 1e-3
+"""How far it may move on meanwhile, a transducer's noise, relative to the whole way [-]."""
+LET_GO = 0.9
+"""Share of the last force below which a force at rest is that of a press that lets go [-]."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,8 @@ def read_measured(path: Path, reading: Reading | None = None) -> Measured:
         raise OutputError(f"{path}: holds numbers beyond {LARGEST:g} mm or N")
     _check_swapped(path, along, force, reading.columns)
     lines, along, force = _cut(lines, along, force, reading, path)
+    pressed = len(along) if reading.end is not None else until_let_go(along, force)
+    left_out, lines, along, force = len(along) - pressed, lines[:pressed], along[:pressed], force[:pressed]
     rows, low, high = len(along), float(along.min()), float(along.max())
     along, force = ascending(along, force, path, lines)
     said = (
@@ -96,8 +104,25 @@ def read_measured(path: Path, reading: Reading | None = None) -> Measured:
     )
     said += f", shifted by {reading.shift:g} mm" if reading.shift else ""
     said += f", averaged to {len(along)} points" if len(along) < rows else ""
+    if left_out:
+        behind = "row" if left_out == 1 else f"{left_out} rows"
+        said += f"; left out: the last {behind}, in which the press lets go"
     assumed = tuple(column.unit for column in (places, forces) if column.assumed)
     return Measured(along + reading.shift, force, said, assumed)
+
+
+def until_let_go(along: FloatArray, force: FloatArray) -> int:
+    """How many points of a record are of the pressing: behind them the press lets go where it stands.
+
+    Its force falls then at rest, or while the wheel springs back a little; averaged with the end of the pressing it
+    would pass for a force of half as much. A return by more than `SPRING_BACK` of the way is left in, and refused.
+    """
+    way = float(np.ptp(along))
+    reached = int(np.argmax(along >= along.max() - JITTER * way))
+    last = reached + int(np.argmax(force[reached:]))
+    moved, left = along[last + 1 :] - along[last], force[last + 1 :]
+    rests = len(left) and -SPRING_BACK * way <= float(moved.min()) and float(moved.max()) <= AT_REST * way
+    return last + 1 if rests and float(left.min()) < LET_GO * float(force[last]) else len(along)
 
 
 def ascending(along: FloatArray, force: FloatArray, path: Path, lines: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -345,7 +370,7 @@ def _numbers(table: TextTable, skip: int, width: int, chosen: tuple[int, int]) -
 def _check_swapped(path: Path, along: FloatArray, force: FloatArray, asked: tuple[str, str] | None) -> None:
     """Refuse two columns in the wrong order: what was taken for the force ascends, the displacement does not."""
     steps, other = np.diff(along), np.diff(force)
-    if asked is None and len(steps) > 1 and (other > 0.0).all() and not (steps > 0.0).all():
+    if asked is None and len(steps) > 1 and (other > 0.0).all() and not (steps >= 0.0).all():
         raise OutputError(
             f"{path}: the column taken for the displacement does not ascend, and that of the force does: are they "
             f"swapped? Write --columns 2,1, or 1,2 if they are not"

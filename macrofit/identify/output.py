@@ -12,7 +12,8 @@ from ..base.figure import BLUE, VERMILION, save, sheet
 from ..base.files import write_json, write_text
 from ..base.ranks import made_by_first, raise_together
 from ..base.toml import last_part
-from ..results.folder import prepare
+from ..monitor import lines_of_first
+from ..results.folder import prepare_for_all
 from ..results.versions import versions
 from .fit import Identification, identify
 from .measured import Reading, read_measured
@@ -48,14 +49,8 @@ def carry_out_identification(
         MacrofitError: on all ranks together.
     """
     measured = made_by_first(comm, lambda: read_measured(curve, reading))
-    with raise_together(comm):
-        if comm.rank == 0:
-            prepare(folder, owned=(folder / NUMBERS).is_file())
-
-    def say(line: str) -> None:
-        if comm.rank == 0 and not quiet:
-            print(line, flush=True)
-
+    prepare_for_all(comm, folder, NUMBERS)
+    say = lines_of_first(comm, quiet=quiet)
     say(f"Curve           {measured.taken}")
     found = identify(source, measured, overrides, key, bounds, comm, say, free_shift=free_shift)
     lines: list[str] = []

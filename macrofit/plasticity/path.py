@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from ..base.arrays import BoolArray, FloatArray, IntArray
 from ..bodies.elasticity import strain_operator
 from ..bodies.fenics import Discretisation
+from ..bodies.gauss import point_matrix
 
 CANDIDATES = 12
 """Cells whose centres are nearest to a point, among which the one that holds it is looked for."""
@@ -50,14 +51,8 @@ class StrainAlong:
     def _operator(self, shift: float) -> tuple[sp.csr_matrix, BoolArray]:
         places = self.places + np.array([0.0, shift])
         cells, points, inside = self._located(places)
-        corners = self._corners[cells]
-        strain, _ = strain_operator(self.space.order, corners, points)
-        nodes = self.space.cells[cells]
-        columns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(places), 1, -1)
-        rows = np.arange(4 * len(places)).reshape(-1, 4, 1)
-        data, rows, columns = np.broadcast_arrays(strain, rows, columns)
-        shape = (4 * len(places), 2 * len(self.space.nodes))
-        return sp.csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape), inside
+        strain, _ = strain_operator(self.space.order, self._corners[cells], points)
+        return point_matrix(self.space, cells, strain, by_component=False), inside
 
     def _located(self, places: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
         """For each place its cell, the point on the reference triangle, and whether it is in the cell or near it."""

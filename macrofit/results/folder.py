@@ -16,11 +16,14 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..base.files import append_whole, replacing, write_json, write_text, writing
+from ..base.ranks import raise_together
 from ..errors import OutputError
 from ..scene import Scene, dump_scene
 from ..solution import BodyField, FacetState, Increment, PairFrictionMap
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from ..solution import Solution
 
 JOURNAL, SCENE, CURVE, SUMMARY, INTERFACE, FIELDS = (
@@ -48,6 +51,17 @@ def prepare(folder: Path, *, owned: bool) -> None:
             raise OutputError(f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o")
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"macrofit")
+
+
+def prepare_for_all(comm: MPI.Comm, folder: Path, mark: str) -> None:
+    """As `prepare`, by the first rank; the folder is macrofit's own where a file of this name is in it. Collective.
+
+    Raises:
+        OutputError: as `prepare`, on all ranks together.
+    """
+    with raise_together(comm):
+        if comm.rank == 0:
+            prepare(folder, owned=(folder / mark).is_file())
 
 
 def clear(folder: Path) -> None:

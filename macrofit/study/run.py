@@ -112,7 +112,7 @@ class RunWorker:
             self._assembly = None  # two need not be held at once
             self._assembly = assemble(scene, MPI.COMM_SELF)
             self.assemblies += 1
-            self.factorisations += self._assembly.factorisations
+            self.factorisations += self._assembly.work()["factorisations"]
             self.cpu_s += time.process_time() - begin
         return self._assembly
 

@@ -235,6 +235,34 @@ def test_a_record_sampled_in_time_is_averaged_where_it_rests(tmp_path: Path) -> 
     assert np.abs(found.force / 1e3 - 3.0 * found.displacement).max() < 3.0 * 0.08
 
 
+LETTING_GO = {
+    "at rest": [(180.0, 400.0), (180.0, 30.0), (180.0, 0.0)],
+    "springing back": [(179.98, 500.0), (179.9, 1.0)],
+    "with noise": [(180.05, 850.0), (179.99, 200.0), (180.02, 0.0)],
+}
+
+
+@pytest.mark.parametrize("how", LETTING_GO)
+def test_the_press_that_lets_go_is_no_part_of_the_curve(how: str, tmp_path: Path) -> None:
+    """Averaged with the end of the pressing it halved the last force; the rows that are left out are told."""
+    pressing = [(float(x), 5.0 * x) for x in range(0, 181, 2)]
+    rows = [*pressing, *LETTING_GO[how]]
+    text = "displacement_mm,force_kN\n" + "".join(f"{x},{f}\n" for x, f in rows)
+    found = read_measured(written(tmp_path, text))
+    assert (found.displacement[-1], found.force[-1]) == (180.0, pytest.approx(900e3))
+    assert f"left out: the last {len(LETTING_GO[how])} rows, in which the press lets go" in found.taken
+
+
+@pytest.mark.parametrize("end", [[(182.0, 100.0)], [(180.0, 880.0), (180.0, 870.0)], [(180.0, 905.0)]])
+def test_what_still_moves_or_holds_is_part_of_the_curve(end: list[tuple[float, float]], tmp_path: Path) -> None:
+    """A groove at the end of the way, a press that holds, and one that still rises at rest."""
+    rows = [*((float(x), 5.0 * x) for x in range(0, 181, 2)), *end]
+    text = "displacement_mm,force_kN\n" + "".join(f"{x},{f}\n" for x, f in rows)
+    found = read_measured(written(tmp_path, text))
+    assert "lets go" not in found.taken
+    assert found.displacement[-1] == end[-1][0]
+
+
 # the fit alone
 
 

@@ -1,0 +1,56 @@
+"""The Gauss points of a body: where they lie, what they stand for, and the strain at them."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..base.arrays import FloatArray, IntArray
+from .elasticity import strain_operator
+from .fenics import Discretisation
+
+
+def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:
+    """Points (k, 2) on the reference triangle where stresses are taken, and their weights (k,): one, or three of P2."""
+    if order == 2:
+        return np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0, np.full(3, 1.0 / 6.0)
+    return np.array([[1.0, 1.0]]) / 3.0, np.array([0.5])
+
+
+class GaussPoints:
+    """The n Gauss points of a body, cell by cell (one of each for P1, three for P2)."""
+
+    per_cell: int
+    """Points of a cell."""
+    cell: IntArray
+    """Cell of each point (n,)."""
+    places: FloatArray
+    """Their (r, z) (n, 2) [mm]."""
+    area: FloatArray
+    """Share of the section that belongs to each (n,) [mm2]."""
+    strain: FloatArray
+    """B at each (n, 4, 2 b) [1/mm], see `elasticity.strain_operator`."""
+
+    def __init__(self, space: Discretisation) -> None:
+        self.space = space
+        points, weights = gauss_points(space.order)
+        count = len(space.cells)
+        self.per_cell, self.cell = len(points), np.repeat(np.arange(count), len(points))
+        corners = space.nodes[space.cells[:, :3]]
+        self.strain, self.places = strain_operator(space.order, corners[self.cell], np.tile(points, (count, 1)))
+        sides = corners[:, 1:] - corners[:, :1]
+        twice = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        self.area = (twice[:, None] * weights).ravel()
+
+
+def point_matrix(space: Discretisation, cell: IntArray, values: FloatArray, *, by_component: bool) -> sp.csr_matrix:
+    """Values (n, 4, 2 b) on the unknowns of each point's cell (n,) as a matrix (4 n, dofs).
+
+    Its rows are those of one component after the other, or else of one point after the other.
+    """
+    count, nodes = len(cell), space.cells[cell]
+    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(count, 1, -1)
+    rows = np.arange(4 * count).reshape(4, count).T if by_component else np.arange(4 * count).reshape(count, 4)
+    data, place, columns = np.broadcast_arrays(values, rows[:, :, None], columns)
+    shape = (4 * count, 2 * len(space.nodes))
+    return sp.csr_matrix((data.ravel(), (place.ravel(), columns.ravel())), shape=shape)
