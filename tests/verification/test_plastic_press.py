@@ -19,6 +19,7 @@ from verification.plane_stress_ring import Ring, shrink_fit
 from verification.test_plastic_rings import COMPLIANCE, NU, A, E, ring
 from verification.test_restart import Memory, failing
 
+from macrofit.assembly import assemble
 from macrofit.cli import main
 from macrofit.contact.status import OPEN
 from macrofit.errors import ConvergenceError
@@ -231,6 +232,20 @@ def test_pulled_back_after_it_yielded() -> None:
     assert force[turn] < 0.9 * elastic.force[turn]
     assert solution.energy_balance < 5e-3
     assert not any(record.cutbacks for record in solution.increments)
+
+
+def test_counters_count_the_plastic_steps() -> None:
+    """Two solves a body in every iteration at least; bodies that are given are not factored again."""
+    scene = small_press(*YIELDING, "motion.travel=30", "output.stress=true")
+    assembly = assemble(scene, MPI.COMM_SELF)
+    first, second = (solve(scene, MPI.COMM_SELF, assembly=assembly) for _ in range(2))
+    iterations = sum(record.plastic_iterations for record in first.increments)
+    assert iterations > 10
+    assert first.counters["back_substitutions"] > 4 * iterations
+    assert first.counters["factorisations"] == 2  # those for solves; assembling took the others
+    assert second.counters["factorisations"] == 0
+    assert second.counters["back_substitutions"] == first.counters["back_substitutions"]
+    assert assembly.work()["factorisations"] == 4
 
 
 def test_default_fields_are_of_the_end() -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small import small_press
+from small import small_press, solved
 
 from macrofit.assembly import discretise_bodies
 from macrofit.base.arrays import FloatArray
 from macrofit.bodies.body import Body
 from macrofit.bodies.recovery import Patches
 from macrofit.bodies.stress import StressEvaluator
+from macrofit.scene import load_scene
 
 
 def body(name: str, order: int) -> tuple[Body, StressEvaluator]:
@@ -63,3 +64,15 @@ def test_tractions_pull_the_surface_towards_them() -> None:
     assert left(held) < 0.5 * left(free)
     inside = np.setdiff1d(np.arange(len(free)), made.trace)
     assert np.abs(held[inside] - free[inside]).max() > 0.0  # middles beside the line follow
+
+
+def test_both_sides_of_the_contact_have_its_pressure() -> None:
+    """Flush rings: sigma_rr at the seat's and the bore's vertices is the pressure of Lame, whatever the side."""
+    scene = load_scene("lame-rings", ["mesh.seat_facet=4", "mesh.coarse=8"])
+    solution = solved(scene)
+    pressure = solution.increments[-1].normal_force / (2.0 * np.pi * 95.0 * 40.0)
+    fields = solution.fields[solution.increments[-1].displacement]
+    for name, radius in (("axle", 95.0), ("wheel", 94.7)):
+        line = np.flatnonzero(np.abs(fields[name].points[:, 0] - radius) < 1e-9)
+        assert len(line) > 10
+        assert fields[name].stress[line, 0] == pytest.approx(-pressure, rel=0.01)
