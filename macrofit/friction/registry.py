@@ -153,7 +153,7 @@ def decode_options(name: str, kind: type[Any], options: Mapping[str, object]) ->
         told = str(error)
         if told.startswith(f"{WHOLE}: "):
             raise ProviderError(f"{WHOLE} of friction provider {name!r}{told.removeprefix(WHOLE)}") from error
-        raise ProviderError(f"friction.options.{told}") from error
+        raise ProviderError(f"friction.options.{told}, of friction provider {name!r}") from error
     except Exception as error:
         raise ProviderError(f"options of friction provider {name!r}: {error}") from error
     return decoded

@@ -247,7 +247,7 @@ def test_uniform_is_built_in_and_has_the_usual_coefficient() -> None:
         ({"coefficient": True}, "friction.options.coefficient"),
         ({"coefficient": -0.1}, "coefficient = -0.1"),
         ({"coefficient": 2.0}, "coefficient = 2.0"),
-        ({"coefficient": float("nan")}, "coefficient = nan"),
+        ({"coefficient": float("nan")}, "friction.options.coefficient: nan is not a finite number"),
     ],
 )
 def test_refused_options_name_the_key(options: dict[str, object], told: str) -> None:

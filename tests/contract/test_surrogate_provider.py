@@ -272,16 +272,16 @@ def test_coefficients_out_of_the_contract_take_the_nearest_bound() -> None:
     ("options", "told"),
     [
         ({"sede": 1}, "friction.options.sede: unknown option .*Its options: micro_friction, seed, surface, model"),
-        ({"seed": 1.5}, "`friction.options.seed`"),
+        ({"seed": 1.5}, "friction.options.seed: "),
         ({"seed": 65536}, "friction.options.seed = 65536 is out of bounds: take 0 ... 65535"),
         ({"micro_friction": -0.1}, "friction.options.micro_friction = -0.1 is out of bounds: take 0 ... 2"),
-        ({"micro_friction": float("nan")}, "friction.options.micro_friction = nan is out of bounds"),
+        ({"micro_friction": float("nan")}, "friction.options.micro_friction: nan is not a finite number"),
         ({"surface": {"wheel_seed": 1}}, "friction.options.surface.wheel_seed: unknown key (known keys: form, gen"),
         ({"surface": {"lay": "turned"}}, "friction.options.surface.feed = 0.25 mm is less than 4 spacings of 0.125"),
         ({"surface": {"levels": 0}}, "friction.options.surface.levels: 0 must not be below 1"),
         ({"surface": {"max_height": -0.1}}, "friction.options.surface.max_height: -0.1 must not be negative"),
         ({"surface": {"hurst_exponent": 1.1}}, "friction.options.surface.hurst_exponent: 1.1 must not exceed 1"),
-        ({"fallback": "guess"}, "`friction.options.fallback`"),
+        ({"fallback": "guess"}, "friction.options.fallback: "),
         ({"dem": {"cache": False}}, "friction.options.dem: goes with fallback = 'dem'; set that, or leave it out"),
         (
             {"fallback": "dem", "dem": {"seed": 2}},
@@ -529,7 +529,7 @@ def test_a_preset_brings_its_own_surfaces(model: str) -> None:
             {"fallback": "dem", "dem": {"plates": "as-published"}},
             "friction.options.dem.plates: a preset of plates is friction.options.plates",
         ),
-        ({"network": "rnn"}, "`friction.options.network`"),
+        ({"network": "rnn"}, "friction.options.network: "),
         ({"network": "cnn", "model": "m"}, "friction.options.network: leave it out, it is friction.options.model"),
     ],
 )
