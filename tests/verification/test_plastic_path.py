@@ -46,6 +46,15 @@ def test_strains_at_shifted_points(body: Body, shift: float) -> None:
     assert np.abs(found - exact)[inside].max() < 1e-10
 
 
+def test_points_that_leave_the_body_are_known(body: Body) -> None:
+    """Nothing is extrapolated beyond the end of the hub, by more than a fifth of a cell."""
+    shift, places = 25.0, body.gauss.places
+    _, inside = StrainAlong(body.space, places).at(shift)
+    beyond = places[:, 1] + shift > body.space.nodes[:, 1].max() + 10.0
+    assert beyond.any()
+    assert not inside[beyond].any()
+
+
 def steps(body: Body, after: FloatArray, points: FloatArray) -> FloatArray:
     """Strains (3, m, 4) within a step of four parts, from the field where it starts to another displacement."""
     path = Path(StrainAlong(body.space, body.gauss.places), points, field(body, 0.0), WAY, 4)

@@ -253,7 +253,9 @@ def test_the_press_that_lets_go_is_no_part_of_the_curve(how: str, tmp_path: Path
     assert f"left out: the last {len(LETTING_GO[how])} rows, in which the press lets go" in found.taken
 
 
-@pytest.mark.parametrize("end", [[(182.0, 100.0)], [(180.0, 880.0), (180.0, 870.0)], [(180.0, 905.0)]])
+@pytest.mark.parametrize(
+    "end", [[(182.0, 100.0)], [(180.4, 300.0)], [(180.0, 880.0), (180.0, 870.0)], [(180.0, 905.0)]]
+)
 def test_what_still_moves_or_holds_is_part_of_the_curve(end: list[tuple[float, float]], tmp_path: Path) -> None:
     """A groove at the end of the way, a press that holds, and one that still rises at rest."""
     rows = [*((float(x), 5.0 * x) for x in range(0, 181, 2)), *end]
