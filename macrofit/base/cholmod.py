@@ -19,6 +19,7 @@ import contextlib
 import ctypes
 import functools
 import math
+import signal
 import weakref
 from collections.abc import Iterator
 from ctypes import POINTER, byref, c_double, c_int, c_long, c_size_t, c_void_p
@@ -49,7 +50,7 @@ FAILURES = {
 }
 """By the status of CHOLMOD, what the user can mend; any other is a bug."""
 
-NOT_POSITIVE_DEFINITE = 1  # a status
+NOT_POSITIVE_DEFINITE, INVALID = 1, -4  # statuses
 PATTERN, REAL = 0, 1  # kinds of values
 UPPER = 1  # only the upper triangle is read
 GIVEN, SUPERNODAL = 1, 2  # settings of the order and of the factor
@@ -295,13 +296,25 @@ class Factor:
         interior = np.setdiff1d(np.arange(nodes), last)
         order = np.empty(len(interior), dtype=np.int32)
         if len(interior):
-            A = graph[interior][:, interior]
-            postorder = 1
-            self._library.cholmod_metis(byref(_columns(A)), None, 0, postorder, order.ctypes.data, byref(self._common))
-            _raise_failure(self._common)
+            self._by_metis(graph[interior][:, interior], order)
         sequence = np.concatenate([interior[order], last])
         unknowns = sequence[:, None] * self._block + np.arange(self._block)
         return np.asarray(unknowns.ravel(), dtype=np.int32)
+
+    def _by_metis(self, graph: Any, order: npt.NDArray[np.int32]) -> None:
+        """Fill in the nodes of a graph in METIS's order.
+
+        METIS ends by SIGTERM what it finds wrong, and while it runs it takes the user's SIGTERM for that. The graph is
+        as good as before, so it is ordered anew, and the signal is given back to whom it was meant for.
+        """
+        A, postorder = _columns(graph), 1
+        for last in (False, True):
+            self._library.cholmod_metis(byref(A), None, 0, postorder, order.ctypes.data, byref(self._common))
+            if self._common.status != INVALID or last:
+                break
+        _raise_failure(self._common)
+        if last:
+            signal.raise_signal(signal.SIGTERM)
 
     def _analyse(self, K: Any, permutation: npt.NDArray[np.int32]) -> None:
         A = _columns(K)

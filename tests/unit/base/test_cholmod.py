@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import gc
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -279,6 +281,44 @@ def test_failures_of_the_library_say_what_to_try() -> None:
         common.status = status
         with pytest.raises(error, match=text):
             cholmod._raise_failure(common)
+
+
+GRID = """
+import os, signal, threading, time
+from scipy import sparse
+from macrofit.base.cholmod import factor
+
+line = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(300, 300))
+grid = (sparse.kronsum(line, line) + sparse.eye(90000)).tocsr()
+factor(grid[:100, :100].tocsr(), None, 1)
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+end = threading.Timer(DELAY, os.kill, (os.getpid(), signal.SIGTERM))
+try:
+    end.start()
+    factor(grid, None, 1)
+    time.sleep(60.0)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.2])
+def test_a_signal_during_the_ordering_is_the_users(delay: float) -> None:
+    """METIS, which ends by SIGTERM what it finds wrong, takes whatever SIGTERM comes meanwhile."""
+    script = GRID.replace("DELAY", str(delay))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120.0)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+def test_a_graph_that_metis_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = cholmod._library()
+
+    def refuses(*arguments: Any) -> None:
+        arguments[-1]._obj.status = cholmod.INVALID
+
+    monkeypatch.setattr(library, "cholmod_metis", refuses)
+    with pytest.raises(RuntimeError, match="-4"):
+        factor(lattice(50, 6))
 
 
 def test_openmp_is_left_as_it_was() -> None:
