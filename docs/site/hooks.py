@@ -27,7 +27,7 @@ STYLE = """
 math[display=block] { margin: 0.8em 0; overflow-x: auto; }
 td, th { font-size: 0.92em; }
 table { display: block; overflow-x: auto; }
-img { max-width: 100%; }
+img { max-width: 100%; max-height: 34em; width: auto; }
 """
 
 

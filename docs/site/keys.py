@@ -73,7 +73,7 @@ def section(title: str, record: Mapping[str, Any], more: Mapping[str, str]) -> I
     required = record.get("required", ())
     for key, known in record["properties"].items():
         meaning = known.get("description") or more.get(key) or f"Keys of the plates' table `[{key}]`, below."
-        meaning = " ".join(meaning.split()).replace("|", "\\|")
+        meaning = " ".join(meaning.split()).replace("|", "\\|").replace("] [", "] \\[")
         yield f"| `{key}` | {default(key, known, required)} | {values(known)} | {meaning} |"
     yield ""
 
