@@ -117,7 +117,7 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	done
 
 docs: setup-docs ## the manual as a site that needs no network, build/site/index.html; a warning fails
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -q
+	@$(BIN)/mkdocs build --strict
 	echo "Open build/site/index.html"
 
 measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
