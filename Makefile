@@ -60,10 +60,7 @@ demo: setup-network ## press the built-in wheelset on uniform friction, on plate
 	@(set -x; $(BIN)/macrofit study wheelset --set friction.provider=surrogate \
 	    --set friction.options.micro_friction=0.07 --vary friction.options.plates=as-published,slow \
 	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo)
-	echo "Plates as published, slid near the resonance of their own beams, lose enough there to behave like a uniform"
-	echo "coefficient of 0.11. Slid slowly, as a press does, the same micro coefficient of 0.07 gives little over 0.07."
-	echo "The figures are:"
-	ls -1 demo/*.png demo/runs/*/*.png
+	$(BIN)/python docs/examples/demo_page.py demo
 
 # Files of tests are dealt out to as many processes as there are cores; PROCESSES=0 runs them in one.
 TESTS := tests
