@@ -100,7 +100,7 @@ def one_kind(known: Mapping[str, Any]) -> str:
     """One of the types of a key."""
     if "enum" in known:
         return ", ".join(f"`{value}`" for value in known["enum"] if value is not None)
-    if "$ref" in known:
+    if "$ref" in known or "discriminator" in known:
         return "a table"
     if known.get("type") in ("array", "object"):
         inner = known.get("items") or {}
