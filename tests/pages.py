@@ -33,7 +33,7 @@ def blocks(page: Path) -> list[Block]:
     for match in FENCE.finditer(text):
         language, title, inside = match[1], match[2] or "", match[3]
         first = Path((inside.split() or [""])[0]).name
-        if not language and first in PROGRAMS[:-1]:
+        if not language and first in PROGRAMS:
             language = "sh"
         reason = NOT_RUN.search(text[: match.start()])
         found.append(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pages
 import pytest
+from benchmarks import _book as benchmarks
 from click.testing import CliRunner
 from conftest import LAUNCHER_VARIABLES, launcher_environment
 from small import small_press
@@ -104,6 +105,8 @@ class Reader:
             makefile = (pages.ROOT / "Makefile").read_text()
             for target in (word for word in words[1:] if "=" not in word):
                 assert re.search(rf"^{target}:", makefile, re.MULTILINE), words
+        elif words[:3] == ["python", "-m", "tests.benchmarks"]:  # each runs in its toy size in make bench-check
+            assert words[3] in benchmarks.names(), words
         elif words[0] == "mpirun":
             self.launch(words)
         else:

@@ -14,7 +14,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:macrofit|meso|surrogate|tests|docs|meshes)/[\w./-]+)`")
 BENCHMARK = re.compile(r"(?:tests\.benchmarks|NAMES=)\s?\"?([a-z_]\w+)")
 HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
-TEXTS = [*pages.PAGES, pages.ROOT / "meshes" / "README.md", pages.ROOT / "CHANGELOG.md"]
+TEXTS = [*pages.PAGES, *(pages.ROOT / name for name in ("meshes/README.md", "CHANGELOG.md", "CONTRIBUTING.md"))]
 
 
 def plain(page: Path) -> str:
