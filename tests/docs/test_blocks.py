@@ -139,7 +139,7 @@ class Reader:
             }
         command = [
             "timeout",
-            "100",
+            "250",
             "mpirun",
             "-n",
             ranks,
