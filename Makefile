@@ -43,7 +43,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench bench-check networks measures lint clean
+.PHONY: help setup setup-network setup-test setup-docs system system-torch demo test fresh bench bench-check networks docs measures lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -54,14 +54,13 @@ setup-network: system-torch $(BUILT)-network ## the same, with torch for the net
 
 setup-test: system-torch $(BUILT)-test ## the same, with the development tools too
 
+setup-docs: system $(BUILT)-docs ## what `make setup` does, and what builds the manual
+
 demo: setup-network ## press the built-in wheelset on uniform friction, on plates as published and on slow ones
 	@(set -x; $(BIN)/macrofit study wheelset --set friction.provider=surrogate \
 	    --set friction.options.micro_friction=0.07 --vary friction.options.plates=as-published,slow \
 	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo)
-	echo "Plates as published, slid near the resonance of their own beams, lose enough there to behave like a uniform"
-	echo "coefficient of 0.11. Slid slowly, as a press does, the same micro coefficient of 0.07 gives little over 0.07."
-	echo "The figures are:"
-	ls -1 demo/*.png demo/runs/*/*.png
+	$(BIN)/python docs/examples/demo_page.py demo
 
 # Files of tests are dealt out to as many processes as there are cores; PROCESSES=0 runs them in one.
 TESTS := tests
@@ -113,6 +112,10 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	    esac
 	    surrogate evaluate --preset $$preset -o $$made-evaluated
 	done
+
+docs: setup-docs ## the manual as a site that needs no network, build/site/index.html; a warning fails
+	@$(BIN)/mkdocs build --strict
+	echo "Open build/site/index.html"
 
 measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
 	$(BIN)/python -m tests.code_measures --places
@@ -208,4 +211,9 @@ $(BUILT)-network: $(BUILT)
 $(BUILT)-test: $(BUILT)
 	@$(FUNCTIONS)
 	with_torch surrogate,dev
+	touch $@
+
+$(BUILT)-docs: $(BUILT)
+	@$(FUNCTIONS)
+	quietly "Python packages" $(PIP) --no-build-isolation -e ".[docs]"
 	touch $@

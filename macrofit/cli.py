@@ -463,7 +463,7 @@ def schema() -> None:
     show_default=True, help="The figure.",
 )  # fmt: skip
 def plot(folders: tuple[Path, ...], target: Path) -> None:
-    """Overlay the fitting curves of output folders in one figure."""
+    """Overlay the fitting curves of folders of runs and studies in one figure."""
     from .figures.curves import compare
 
     click.echo(compare(folders, target))

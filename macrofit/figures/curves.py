@@ -11,7 +11,7 @@ import numpy as np
 from ..acceptance import verdict
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
-from ..results.folder import read_curve
+from ..results.curves import read_curves
 from .friction import friction
 from .stress import stress
 
@@ -60,18 +60,18 @@ def fitting_curve(solution: Solution) -> Any:
 
 
 def compare(folders: Sequence[Path], target: Path) -> Path:
-    """Overlay the fitting curves of several output folders, read from their CSV files, in one figure.
+    """Overlay the fitting curves of several folders of runs and studies, read from their CSV files, in one figure.
 
     Raises:
         OutputError: a curve cannot be read or the figure cannot be written.
     """
-    curves = [(folder, read_curve(folder)) for folder in folders]
+    curves = [curve for folder in folders for curve in read_curves(folder)]
     figure, (axes,) = sheet(7.0, 4.4)
     styles = ["-", "--", "-.", ":"]
     colours = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK]
-    for k, (folder, (displacement, force)) in enumerate(curves):
+    for k, (label, displacement, force) in enumerate(curves):
         style = styles[k // len(colours) % len(styles)]
-        axes.plot(displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=str(folder))
+        axes.plot(displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=label)
     axes.legend(frameon=False, fontsize=9)
     _label_curve(axes, "")
     return save(figure, target, trim=True)

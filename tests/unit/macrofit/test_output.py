@@ -24,6 +24,7 @@ from macrofit.figures.stress import _outline, _split
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
 from macrofit.results import summary as report
+from macrofit.results.curves import read_curves
 from macrofit.scene import build_scene, load_scene
 from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
@@ -342,6 +343,33 @@ def test_curves_of_several_folders_in_one_figure(tmp_path):
     assert target.read_bytes()[:4] == b"\x89PNG"
     with pytest.raises(OutputError, match=r"none.*cannot be read"):
         plots.compare([tmp_path / "none"], target)
+
+
+def test_a_study_is_plotted_with_the_labels_of_its_runs(tmp_path):
+    """Runs of one motion share a column of displacements, others have each their own, of any length."""
+    (tmp_path / "curves.csv").write_text(
+        "displacement_mm,force_N run 1: mu = 0.1,force_N run 2\n0.0,0.0,0.0\n1.0,2.0,3.0\n"
+    )
+    first, second = read_curves(tmp_path)
+    assert (first.label, second.label) == (f"{tmp_path}, mu = 0.1", f"{tmp_path}, run 2")
+    np.testing.assert_array_equal([second.displacement, second.force], [[0.0, 1.0], [0.0, 3.0]])
+    (tmp_path / "curves.csv").write_text(
+        "displacement_mm run 1,force_N run 1: x,displacement_mm run 2,force_N run 2: y\n0.0,1.0,0.0,2.0\n5.0,3.0,,\n"
+    )
+    first, second = read_curves(tmp_path)
+    np.testing.assert_array_equal([first.displacement, first.force], [[0.0, 5.0], [1.0, 3.0]])
+    np.testing.assert_array_equal([second.displacement, second.force], [[0.0], [2.0]])
+    assert plots.compare([tmp_path], tmp_path / "both.png").is_file()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a,b\n1,2\n", "force_N run 1\n1\n", "displacement_mm,force_N run 1\n0\n", "displacement_mm,force_N r\n0,x\n"],
+)
+def test_curves_that_are_no_study_are_refused(tmp_path, text):
+    (tmp_path / "curves.csv").write_text(text)
+    with pytest.raises(OutputError, match=r"curves\.csv: is not the curves of a study"):
+        read_curves(tmp_path)
 
 
 # A coefficient of friction that varies
