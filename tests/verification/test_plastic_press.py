@@ -203,14 +203,12 @@ def test_without_friction_nothing_holds_the_wheel() -> None:
     assert not [doubt for doubt in doubts(solved(small_press("motion.travel=40", RELEASE))) if "not released" in doubt]
 
 
-def test_release_in_steps_follows_the_slip(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`push-out` in one step leaves an energy balance of 0.4, for slip turns along the whole shaft; in 16, of 0.07."""
+def test_release_of_partial_slip_closes_the_balance() -> None:
+    """Slip turns along the whole shaft of `push-out` as its press lets go; no doubt is left."""
     scene = load_scene("push-out", [RELEASE, "mesh.seat_facet=4", "output.stress=false", "output.fields_at=[]"])
-    balances = []
-    for parts in (1, 16):
-        monkeypatch.setattr("macrofit.release.PARTS", parts)
-        balances.append(solve(scene, MPI.COMM_SELF).energy_balance)
-    assert balances[1] < 0.1 < 0.3 < balances[0]
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.energy_balance < 1e-4  # 0.07, were the whole of the last friction taken for the work
+    assert not doubts(solution)
 
 
 # turns
