@@ -166,8 +166,8 @@ def energy_balance(increments: Sequence[Increment]) -> float:
     """|work - growth of the elastic energy - friction's and plastic work| / the largest of them on the way.
 
     From the first increment on. What is left is of first order in the increment where contact is made, and next to
-    nothing where the same facets stick and slip. Work below 1e-2 of the strain energy is taken as that much: where nothing is
-    to be moved (no friction), the balance is of rounding and mesh alone.
+    nothing where the same facets stick and slip. Work below 1e-2 of the strain energy is taken as that much: where
+    nothing is to be moved (no friction), the balance is of rounding and mesh alone.
     """
     work = stored = dissipated = most = 0.0
     for before, after in pairwise(increments):
