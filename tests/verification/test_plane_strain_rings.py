@@ -23,7 +23,7 @@ TABLE = {0.15: 108.91, 0.20: 142.68, 0.25: 165.09, 0.30: 179.08}
 
 
 def write(path: Path, inner: float, outer: float, low: float, line: tuple[str, float], faces: str, size: float) -> Path:
-    """A rectangle of triangles: the contact line at a radius [mm], both faces in one group, the axis where there is one."""
+    """A rectangle of triangles: contact line at a radius [mm], both faces in one group, the axis where there is one."""
     across, rows = round((outer - inner) / size), round(HEIGHT / size)
     r, z = np.meshgrid(np.linspace(inner, outer, across + 1), low + np.linspace(0.0, HEIGHT, rows + 1), indexing="ij")
     points = np.stack([r.ravel(), z.ravel(), np.zeros(r.size)], axis=1)

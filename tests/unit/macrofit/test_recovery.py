@@ -84,7 +84,7 @@ def test_both_sides_of_the_contact_have_its_pressure() -> None:
 @pytest.mark.parametrize("name", ["axle", "wheel"])
 @pytest.mark.parametrize("flows", [False, True])
 def test_uniform_strain_on_the_line(order: int, name: str, flows: bool) -> None:
-    """The stress of a uniform strain, plastic or not: exact where the line is straight, to 2e-3 in 5 mm facets of arcs."""
+    """The stress of a uniform strain, plastic or not: exact on straight lines, to 2e-3 in arcs of 5 mm facets."""
     made, _ = body(name, order)
     strain, plastic = np.array([3e-3, -1e-3, 3e-3, 4e-4]), np.array([4e-4, 7e-4, -1.1e-3, 6e-4]) * flows
     r, z = made.space.nodes.T
