@@ -25,7 +25,7 @@ from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
-from .state import State, Step, accepted
+from .state import State, Step, accepted, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -393,18 +393,9 @@ class Press:
             friction_bound=float(weight @ (friction * pressure)),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
-            slip_work=self._slip_work(state, after, contact, np.where(report.status.kind == OPEN, np.nan, slip), moved),
+            slip_work=slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip),
             settled=settled,
         )
-
-    def _slip_work(self, before: State, after: State, contact: ContactProblem, slip: FloatArray, moved: float) -> float:
-        """1/2 sum of (tangential force after - before) . slip [N mm]; what is open (NaN) moves with the wheel."""
-        free = np.repeat(moved * self.seat.line.normals[:, [0]], self.seat.moments, axis=1)
-        facets = contact.coupling.portions.facet
-        passed = free.copy()
-        passed[facets] = slip.reshape(-1, self.seat.moments)
-        passed = np.where(np.isnan(passed), free, passed)
-        return 0.5 * float(((after.shear - before.shear) * passed).sum())
 
     def _strain_energy(self, state: State) -> float:
         """1/2 u' K u of both bodies [N mm]."""

@@ -13,6 +13,7 @@ from .contact.status import OPEN, STICK
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
+    from .contact.law import ContactProblem
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
 
@@ -110,6 +111,23 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         wall_s=wall_s,
         facets=last.facets,
     )
+
+
+def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:
+    """What a step's slip adds to its work: 1/2 sum of (tangential force after - before) . slip [N mm].
+
+    Args:
+        before: the state before the step.
+        after: that after it.
+        moved: way of the wheel along each facet of the seat (facets,) [mm]; what is open moves with it.
+        contact: which facets face each other.
+        slip: of their moments [mm].
+    """
+    facets, moments = contact.coupling.portions.facet, after.kind.shape[1]
+    passed = np.repeat(moved[:, None], moments, axis=1)
+    touching = after.kind[facets] != OPEN
+    passed[facets] = np.where(touching, slip.reshape(-1, moments), passed[facets])
+    return 0.5 * float(((after.shear - before.shear) * passed).sum())
 
 
 def _work(before: State, steps: list[Step]) -> float:

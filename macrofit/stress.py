@@ -207,8 +207,10 @@ def _field(
     """The fields of a body; ``plastic`` are the plastic strains of its points, and the accumulated ones."""
     body, patches = evaluator.body, evaluator.patches
     recovered, on_line = patches.recover(stress, traction), body.trace[: len(body.line.nodes)]
-    inner = None if plastic is None else patches.recover(plastic[0].T)[on_line]
-    recovered[on_line] = surface_stress(body, displacement, traction, inner)
+    elastic = np.ones(len(on_line), dtype=bool)
+    if plastic is not None:  # beside what flowed the strain is too steep, and the fit to the stresses is nearer
+        elastic = ~patches.recover(plastic[0].T)[on_line].any(axis=1)
+    recovered[on_line[elastic]] = surface_stress(body, displacement, traction)[elastic]
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,

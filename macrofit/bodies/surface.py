@@ -1,8 +1,7 @@
 """Stress on the contact line, from the traction of the contact and the strain along the surface.
 
 What the bodies press each other with is known, t = sigma n, and so is how the surface is strained: along the line from
-the displacements of its nodes, around the axis as u_r / r. Hooke's law gives the rest, with eps - eps_p for eps where
-the steel flowed:
+the displacements of its nodes, around the axis as u_r / r. Hooke's law gives the rest:
 
     s_n = n . t,    tau = m . t,    m = (-n_z, n_r),    k = E / (1 - nu^2)
     s_m = nu / (1 - nu) s_n + k (eps_m + nu eps_t),    s_t = nu / (1 - nu) s_n + k (eps_t + nu eps_m)
@@ -10,6 +9,9 @@ the steel flowed:
 Nothing reaches across the edge of the contact or into the body, as the patch of a vertex does. It is the usual way of
 boundary elements (Brebbia, Telles, Wrobel, *Boundary Element Techniques*, 1984, 5.8). The traction of a vertex is the
 mean of its two facets'; the strain, smoother, is a parabola over each facet with its mean.
+
+Where steel flowed, eps - eps_p would be needed at the surface, where eps_p is steep: 1 mm facets then leave twice the
+error of the patches (8.6 and 4.1 % of the wheel's largest, `wheelset` at 40 mm with 420 MPa), which are kept there.
 """
 
 from __future__ import annotations
@@ -20,16 +22,13 @@ from ..base.arrays import FloatArray
 from .body import Body
 
 
-def surface_stress(
-    body: Body, displacement: FloatArray, traction: FloatArray, plastic: FloatArray | None = None
-) -> FloatArray:
-    """Stress (line nodes, 4) = (rr, zz, tt, rz) [MPa] at the nodes of a body's contact line.
+def surface_stress(body: Body, displacement: FloatArray, traction: FloatArray) -> FloatArray:
+    """Stress (line nodes, 4) = (rr, zz, tt, rz) [MPa] at the nodes of a body's contact line, where nothing flowed.
 
     Args:
         body: the body.
         displacement: of all its nodes (dofs,) [mm].
         traction: (t_r, t_z) in the middle of each facet (facets, 2) [MPa].
-        plastic: plastic strains at these nodes (line nodes, 4) [-], in the same order with 2 eps_rz; None: none.
     """
     line, material = body.line, body.material
     u = displacement.reshape(-1, 2)[body.trace[: len(line.nodes)]]
@@ -39,10 +38,6 @@ def surface_stress(
     n_r, n_z = _normals(body).T
     stretch, radius = _parabolic(mean, line.order), line.nodes[:, 0]
     hoop = np.where(radius > 0.0, u[:, 0] / np.where(radius > 0.0, radius, 1.0), stretch)  # alike on the axis
-    if plastic is not None:
-        rr, zz, tt, rz = plastic.T
-        stretch = stretch - (rr * n_z**2 + zz * n_r**2 - rz * n_r * n_z)
-        hoop = hoop - tt
     t_r, t_z = _linear(traction, line.order).T
     normal, shear = n_r * t_r + n_z * t_z, n_r * t_z - n_z * t_r
     nu = material.poisson_ratio

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from small import small_press, solved
+from small import YIELDING, small_press, solved
 
 from macrofit.assembly import discretise_bodies
 from macrofit.base.arrays import FloatArray
@@ -82,17 +82,16 @@ def test_both_sides_of_the_contact_have_its_pressure() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", ["axle", "wheel"])
-@pytest.mark.parametrize("flows", [False, True])
-def test_uniform_strain_on_the_line(order: int, name: str, flows: bool) -> None:
-    """The stress of a uniform strain, plastic or not: exact on straight lines, to 2e-3 in arcs of 5 mm facets."""
+def test_uniform_strain_on_the_line(order: int, name: str) -> None:
+    """The stress of a uniform strain: exact on straight lines, to 2e-3 in arcs of 5 mm facets."""
     made, _ = body(name, order)
-    strain, plastic = np.array([3e-3, -1e-3, 3e-3, 4e-4]), np.array([4e-4, 7e-4, -1.1e-3, 6e-4]) * flows
+    strain = np.array([3e-3, -1e-3, 3e-3, 4e-4])
     r, z = made.space.nodes.T
     displacement = np.stack([strain[0] * r, strain[1] * z + strain[3] * r], axis=1).ravel()
-    exact = stiffness_moduli(made.material) @ (strain - plastic)
+    exact = stiffness_moduli(made.material) @ strain
     n_r, n_z = made.line.normals.T
     traction = np.stack([exact[0] * n_r + exact[3] * n_z, exact[3] * n_r + exact[1] * n_z], axis=1)
-    found = surface_stress(made, displacement, traction, np.tile(plastic, (len(made.line.nodes), 1)))
+    found = surface_stress(made, displacement, traction)
     off = np.abs(found - exact).max(axis=1) / np.abs(exact).max()
     assert off.max() < 2e-3
     bends = np.pad(np.abs(np.diff(made.line.normals[:, 1])) > 1e-9, 1)[:, None]  # at the ends of facets
@@ -116,3 +115,14 @@ def test_the_surface_bears_the_traction() -> None:
     assert (facets.pressure > 0.0).sum() > 5
     assert pressure == pytest.approx(facets.pressure, rel=1e-9, abs=1e-9)
     assert np.abs(shear) == pytest.approx(np.abs(facets.traction), rel=1e-9, abs=1e-9)
+
+
+def test_what_flowed_keeps_the_fit_to_its_stresses() -> None:
+    """Nowhere is there Hooke's stress of a strain that is mostly plastic: at most a third beyond the yield stress."""
+    solution = solved(
+        small_press(*YIELDING, "mesh.seat_facet=2", "mesh.bore_facet=1.94", "motion.travel=40", fields=True)
+    )
+    field = solution.fields[40.0]["wheel"]
+    assert field.plastic_strain is not None
+    assert field.plastic_strain.max() > 5e-3  # 1000 MPa, were it elastic
+    assert field.von_mises.max() < 1.33 * 350.0 + 5000.0 * field.plastic_strain.max()
