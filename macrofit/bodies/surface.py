@@ -10,8 +10,8 @@ Nothing reaches across the edge of the contact or into the body, as the patch of
 boundary elements (Brebbia, Telles, Wrobel, *Boundary Element Techniques*, 1984, 5.8). The traction of a vertex is the
 mean of its two facets'; the strain, smoother, is a parabola over each facet with its mean.
 
-Where steel flowed, eps - eps_p would be needed at the surface, where eps_p is steep: 1 mm facets then leave twice the
-error of the patches (8.6 and 4.1 % of the wheel's largest, `wheelset` at 40 mm with 420 MPa), which are kept there.
+Where steel flowed, eps - eps_p would be needed at the surface, where eps_p is steep: 0.1 % of strain is 230 MPa. The
+fit of the patches is kept there.
 """
 
 from __future__ import annotations
