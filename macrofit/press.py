@@ -25,7 +25,7 @@ from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
-from .state import State, Step, accepted
+from .state import State, Step, accepted, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -79,6 +79,7 @@ class Press:
             sign=moments,
             kappa=moments.astype(np.float64),
             held=moments.astype(np.float64),
+            shear=moments.astype(np.float64),
             flow=None if self.yielding is None else self.yielding.rest(),
         )
 
@@ -378,6 +379,7 @@ class Press:
             sign=self._by_moment(contact, report.status.sign).astype(np.int64),
             kappa=self._by_moment(contact, answer.kappa),
             held=self._by_moment(contact, held),
+            shear=self._by_moment(contact, weight * answer.traction[1]),
             flow=None if settled is None else settled.flow,
         )
         pressure = -answer.traction[0]
@@ -391,6 +393,7 @@ class Press:
             friction_bound=float(weight @ (friction * pressure)),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
+            slip_work=slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip),
             settled=settled,
         )
 
@@ -445,10 +448,11 @@ class Press:
         after = replace(
             rest, displacement=displacement, direction=state.direction, accumulated_slip=state.accumulated_slip
         )
+        moved = displacement - state.displacement
         settled = None
         if self.yielding is not None and state.flow is not None:
             loads, none = (state.seat_load, state.bore_load), (rest.seat_load, rest.bore_load)
-            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
+            settled = self.yielding.settle(state.flow, moved, loads, lambda _: none)
             seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
             after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
         zero = np.zeros(self.seat.line.facets)
@@ -479,6 +483,7 @@ class Press:
             friction_bound=0.0,
             strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
+            slip_work=-0.5 * moved * float(self.seat.line.normals[:, 0] @ state.shear.sum(axis=1)),
             settled=settled,
         )
 

@@ -165,9 +165,9 @@ class Journal(Protocol):
 def energy_balance(increments: Sequence[Increment]) -> float:
     """|work - growth of the elastic energy - friction's and plastic work| / the largest of them on the way.
 
-    From the first increment on. What is left is of second order in the increment where nothing else happens within it,
-    of first order where contact is made. Work below 1e-2 of the strain energy is taken as that much: where nothing is
-    to be moved (no friction), the balance is of rounding and mesh alone.
+    From the first increment on. What is left is of first order in the increment where contact is made, and next to
+    nothing where the same facets stick and slip. Work below 1e-2 of the strain energy is taken as that much: where
+    nothing is to be moved (no friction), the balance is of rounding and mesh alone.
     """
     work = stored = dissipated = most = 0.0
     for before, after in pairwise(increments):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from .contact.status import OPEN, STICK
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
+    from .contact.law import ContactProblem
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
 
@@ -35,6 +35,7 @@ class State:
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see `contact.law`
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
+    shear: FloatArray  # (facets, moments) tangential force on the seat [N]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
     changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
 
@@ -80,6 +81,7 @@ class Step:
     friction_bound: float  # integral of friction * pressure
     strain_energy: float
     dissipation: float
+    slip_work: float  # what friction takes of the press beyond the mean of its force before and after [N mm]
     settled: Settled | None = None
 
 
@@ -105,20 +107,38 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work([before, *(step.state for step in steps)]),
+        work=_work(before, steps),
         wall_s=wall_s,
         facets=last.facets,
     )
 
 
-def _work(states: list[State]) -> float:
-    """Work of the press [N mm] from state to state.
+def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:
+    """What a step's slip adds to its work: 1/2 sum of (tangential force after - before) . slip [N mm].
 
-    In an implicit step friction dissipates at its final value, the elastic part of the force grows from its first
-    value to its last: so the work is taken too.
+    Args:
+        before: the state before the step.
+        after: that after it.
+        moved: way of the wheel along each facet of the seat (facets,) [mm]; what is open moves with it.
+        contact: which facets face each other.
+        slip: of their moments [mm].
+    """
+    facets, moments = contact.coupling.portions.facet, after.kind.shape[1]
+    passed = np.repeat(moved[:, None], moments, axis=1)
+    touching = after.kind[facets] != OPEN
+    passed[facets] = np.where(touching, slip.reshape(-1, moments), passed[facets])
+    return 0.5 * float(((after.shear - before.shear) * passed).sum())
+
+
+def _work(before: State, steps: list[Step]) -> float:
+    """Work of the press [N mm] over steps: the mean of the force before and after each, and what slip adds to it.
+
+    Where bodies stick the force grows along a step, and its mean is exact; where they slip, friction has its final
+    value from the first slip on, which is also what the step dissipates.
     """
     work = 0.0
-    for before, after in pairwise(states):
-        elastic = 0.5 * (before.axial_force - before.friction_force + after.axial_force - after.friction_force)
-        work += (elastic + after.friction_force) * (after.displacement - before.displacement)
+    for state, step in zip([before, *(step.state for step in steps)], steps, strict=False):
+        moved = step.state.displacement - state.displacement
+        if moved != 0.0:
+            work += 0.5 * (state.axial_force + step.state.axial_force) * moved + step.slip_work
     return work

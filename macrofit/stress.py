@@ -13,6 +13,7 @@ from .base.arrays import BoolArray, FloatArray
 from .base.ranks import raise_together
 from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
+from .bodies.surface import surface_stress
 from .parallel import owner
 from .plasticity.material import yield_stress
 from .scene.keys import Scene
@@ -133,7 +134,7 @@ def _evaluate(
                 beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(tractions):
             at = batch.index(k)
-            plastic = None if accumulated is None else accumulated[:, at]
+            plastic = None if accumulated is None else (strains[:, :, at], accumulated[:, at])
             fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], plastic, travels[k])
     return _BodyStresses(
         extreme=best,
@@ -200,11 +201,16 @@ def _field(
     displacement: FloatArray,
     stress: FloatArray,
     traction: FloatArray,
-    plastic: FloatArray | None,
+    plastic: tuple[FloatArray, FloatArray] | None,
     travel: float,
 ) -> BodyField:
-    body = evaluator.body
-    recovered = evaluator.patches.recover(stress, traction)
+    """The fields of a body; ``plastic`` are the plastic strains of its points, and the accumulated ones."""
+    body, patches = evaluator.body, evaluator.patches
+    recovered, on_line = patches.recover(stress, traction), body.trace[: len(body.line.nodes)]
+    elastic = np.ones(len(on_line), dtype=bool)
+    if plastic is not None:  # beside what flowed the strain is too steep, and the fit to the stresses is nearer
+        elastic = ~patches.recover(plastic[0].T)[on_line].any(axis=1)
+    recovered[on_line[elastic]] = surface_stress(body, displacement, traction)[elastic]
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,
@@ -212,12 +218,10 @@ def _field(
         displacement=displacement.reshape(-1, 2),
         stress=recovered,
         von_mises=von_mises(recovered.T),
-        plastic_strain=_recovered_plastic(evaluator, plastic),
+        plastic_strain=None if plastic is None else _recovered_plastic(evaluator, plastic[1]),
     )
 
 
-def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray | None:
+def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray) -> FloatArray:
     """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
-    if plastic is None:
-        return None
     return np.asarray(np.maximum(evaluator.patches.recover(np.stack([plastic] * 4))[:, 0], 0.0))

@@ -24,7 +24,7 @@ from ..solution import Increment
 from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 4
+VERSION = 5
 """Version of the frames and of what is in them; 3 had increments without plastic work, 2 frames of another form."""
 
 
