@@ -35,6 +35,8 @@ from .presets import PRESETS, summary
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .acceptance import Standard
+
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 PATIENCE_S = 2.0
 """How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
@@ -54,6 +56,11 @@ def changes(command: Callable[..., None]) -> Callable[..., None]:
         command(*given, overrides=overrides if preset is None else (f"preset={preset}", *overrides), **named)
 
     return changed
+
+
+standard_option = click.option(
+    "--standard", metavar="NAME|FILE", help="What the fit is held against: a built-in standard, or a TOML file [en-13260]."
+)
 
 
 @click.group("macrofit", cls=Commands, context_settings=SETTINGS)
@@ -78,10 +85,19 @@ def main() -> None:
     help="Folder of the results [the scene's name].",
 )
 @changes
+@standard_option
 @click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
 @click.option("--strict", is_flag=True, help="Take a doubt about the run for an error (its results are kept).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors and doubts.")
-def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, strict: bool, quiet: bool) -> None:
+def run(
+    scene: str,
+    folder: Path | None,
+    overrides: tuple[str, ...],
+    standard: str | None,
+    resume: bool,
+    strict: bool,
+    quiet: bool,
+) -> None:
     """Compute SCENE and write curve, stresses and figures into a folder; also under mpirun.
 
     A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
@@ -94,14 +110,24 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
         from .base.ranks import made_by_first
         from .scene import idle_keys, load_scene
 
-        resolved = made_by_first(comm, lambda: load_scene(scene, overrides))
+        resolved, rules = made_by_first(comm, lambda: (load_scene(scene, overrides), asked_standard(standard)))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
         from .run import carry_out
 
-        say_lines(carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict), quiet=quiet)
+        lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict, standard=rules)
+        say_lines(lines, quiet=quiet)
+
+
+def asked_standard(named: str | None) -> Standard | None:
+    """The standard of `--standard`; None where there is none. Raises StandardError."""
+    if named is None:
+        return None
+    from .acceptance import load_standard
+
+    return load_standard(named)
 
 
 @main.command()
@@ -111,7 +137,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     multiple=True,
     required=True,
     metavar="KEY=V1,V2,...",
-    help="Values of a key of the scene, or a range of integers, 1:200. More than one: every combination.",
+    help="Values of a key of the scene, or a range first:last:step, 0.1:0.5:0.1. More than one: every combination.",
 )
 @click.option(
     "--reference",
@@ -121,6 +147,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
 )
 @changes
+@standard_option
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
@@ -130,6 +157,7 @@ def study(
     vary: tuple[str, ...],
     references: tuple[str, ...],
     overrides: tuple[str, ...],
+    standard: str | None,
     folder: Path | None,
     resume: bool,
     keep: bool,
@@ -150,10 +178,13 @@ def study(
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
         from .base.ranks import made_by_first
-        from .study.plan import plan_study
+        from .study.plan import Plan, plan_study
         from .study.run import carry_out_study
 
-        plan = made_by_first(comm, lambda: plan_study(scene, vary, overrides, references))
+        def planned() -> Plan:
+            return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
+
+        plan = made_by_first(comm, planned)
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
@@ -233,7 +264,7 @@ def identify(
 @click.option("--diameter", type=POSITIVE, metavar="MM", help="Diameter of the seat.")
 @click.option("--length", type=POSITIVE, metavar="MM", help="Length that seat and bore have in common at the end.")
 @click.option("--interference", type=float, metavar="MM", help="Measured interference, on the diameter.")
-@click.option("--standard", metavar="NAME", help="A built-in standard, or a TOML file of your own [en-13260].")
+@standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in the standard, for its window of the final force.")
 @reads_curves
 @click.option("-o", "--output", "target", type=FILE, help="Write the verdict to this file too, as JSON.")

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from ..base.errors import nearest
 from ..base.keys import KeyMistake, Keys, decode_tables, told
 from ..base.toml import errors_as, parse_toml, read_toml
 from ..errors import StandardError
@@ -139,7 +140,8 @@ def load_standard(source: str) -> Standard:
         return _built_in(source)
     if not Path(source).exists():
         raise StandardError(
-            f"no standard '{source}': neither a file nor one of the built-in ones ({', '.join(standard_names())})"
+            f"no standard '{source}': neither a file nor one of the built-in ones "
+            f"({nearest(source, standard_names(), 'which are')})"
         )
     with errors_as(StandardError):
         return _decode(read_toml(Path(source)), source)

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from .errors import MacrofitError
+from .errors import MacrofitError, nearest
 from .files import FULL
 from .progress import swallow
 
@@ -30,6 +30,15 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 class Commands(click.Group):
     """A group that says an error the user can mend on one line and exits with 2; an interruption with 130."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that was asked for; of one that is not there, what was perhaps meant."""
+        word = args[0]
+        if not (word.startswith("-") or ctx.resilient_parsing or self.get_command(ctx, word)):
+            ctx.fail(f"No such command '{word}' ({nearest(word, self.list_commands(ctx), 'commands')}).")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
