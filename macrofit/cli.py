@@ -268,6 +268,7 @@ def identify(
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in the standard, for its window of the final force.")
 @reads_curves
 @click.option("-o", "--output", "target", type=FILE, help="Write the verdict to this file too, as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, see `macrofit schema verdict`.")
 @click.pass_context
 def judge(
     context: click.Context,
@@ -278,6 +279,7 @@ def judge(
     standard: str | None,
     wheel: str | None,
     target: Path | None,
+    as_json: bool,
     columns: str | None,
     **of_curve: Any,
 ) -> None:
@@ -296,7 +298,9 @@ def judge(
 
     reading = Reading(columns=two_columns(columns), **of_curve)
     seat = Seat(diameter=diameter, length=length, interference=interference)
-    lines, code = carry_out_judgement(curve, seat, reading=reading, standard=standard, wheel=wheel, target=target)
+    lines, code = carry_out_judgement(
+        curve, seat, reading=reading, standard=standard, wheel=wheel, target=target, as_json=as_json
+    )
     for line in lines:
         click.echo(line)
     context.exit(code)
@@ -478,13 +482,22 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
 
 
 @main.command()
-def schema() -> None:
-    """Print the JSON schema of a scene, for editors."""
+@click.argument("kind", type=click.Choice(["scene", "standard", "verdict"]), default="scene")
+def schema(kind: str) -> None:
+    """Print a JSON schema: every key with its meaning, unit and bounds.
+
+    KIND is scene (the default) or standard, for editors, or verdict, for programs that read what `macrofit judge
+    --json` prints and summary.json has.
+    """
     import msgspec
 
-    from .scene import json_schema
-
-    click.echo(msgspec.json.format(msgspec.json.encode(json_schema()), indent=2).decode())
+    if kind == "scene":
+        from .scene import json_schema as of_kind
+    elif kind == "standard":
+        from .acceptance import standard_schema as of_kind
+    else:
+        from .acceptance import verdict_schema as of_kind
+    click.echo(msgspec.json.format(msgspec.json.encode(of_kind()), indent=2).decode())
 
 
 @main.command()

@@ -130,6 +130,12 @@ def standard_names() -> list[str]:
     return sorted(entry.name[:-5] for entry in _folder().iterdir() if entry.name.endswith(".toml"))
 
 
+def standard_schema() -> dict[str, Any]:
+    """JSON schema of a standard's file, for editors: every rule with its meaning and its unit."""
+    schema = msgspec.json.schema(Standard)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A standard of macrofit", **schema}
+
+
 def load_standard(source: str) -> Standard:
     """Read a standard: a built-in name, or the path of a TOML file.
 
