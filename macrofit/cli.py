@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,30 +13,21 @@ import click
 
 from . import __version__
 from .base.commands import (
-    BUG,
     FILE,
-    INTERRUPTED,
     SETTINGS,
-    USER_MISTAKE,
     Commands,
     complain,
     few_threads,
-    say_bug,
     set_option,
-    was_interrupted,
 )
-from .base.ranks import leave
-from .errors import MacrofitError
+from .base.progress import announce
+from .base.ranks import ending
 from .presets import PRESETS, summary
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from .acceptance import Standard
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
-PATIENCE_S = 2.0
-"""How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
 
 
 def changes(command: Callable[..., None]) -> Callable[..., None]:
@@ -59,7 +47,9 @@ def changes(command: Callable[..., None]) -> Callable[..., None]:
 
 
 standard_option = click.option(
-    "--standard", metavar="NAME|FILE", help="What the fit is held against: a built-in standard, or a TOML file [en-13260]."
+    "--standard",
+    metavar="NAME|FILE",
+    help="Judge by this built-in standard, or by a TOML file of your own [en-13260].",
 )
 
 
@@ -103,6 +93,7 @@ def run(
     A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
     with an unfinished run of the same scene, which --resume continues.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
@@ -173,6 +164,7 @@ def study(
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
     """  # noqa: D301 - click wants the character
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
@@ -235,11 +227,12 @@ def identify(
 
     Writes identification.json, identified_curve.csv and a figure into a folder.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target, resumes=False):
-        from .identify.measured import Reading
+        from .identify.measured import Reading, interval, two_columns
         from .identify.output import carry_out_identification
 
         reading = Reading(columns=two_columns(columns), **of_curve)
@@ -293,7 +286,7 @@ def judge(
     macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
     macrofit judge wheelset
     """  # noqa: D301 - click wants the character
-    from .identify.measured import Reading
+    from .identify.measured import Reading, two_columns
     from .judge import Seat, carry_out_judgement
 
     reading = Reading(columns=two_columns(columns), **of_curve)
@@ -321,6 +314,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
     The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the
     limit. Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
@@ -332,6 +326,11 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
         lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
         for line in [] if quiet else lines:
             click.echo(line)
+
+
+def loading(scene: str) -> str:
+    """What is said of a scene before anything is loaded for it."""
+    return f"Scene           {scene}; loading the solver"
 
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
@@ -352,59 +351,6 @@ def import_mesher() -> None:
     import gmsh  # noqa: F401
 
     signal.signal(signal.SIGINT, interrupt)  # it takes Ctrl-C for itself
-
-
-def interval(text: str | None) -> tuple[float, float] | None:
-    """LOW,HIGH as numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
-    return low, high
-
-
-def two_columns(text: str | None) -> tuple[str, str] | None:
-    """D,F as two names or numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
-        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
-    return parts[0], parts[1]
-
-
-@contextmanager
-def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
-    """End every rank with the right code and one message: never a rank that waits for one that is gone.
-
-    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
-    """
-    try:
-        yield
-    except MacrofitError as error:  # raised on every rank together
-        if comm.rank == 0:
-            complain(error)
-        sys.exit(USER_MISTAKE)
-    except (KeyboardInterrupt, Exception) as error:
-        if was_interrupted(error):
-            if comm.rank == 0:
-                kept = (
-                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
-                )
-                complain(f"interrupted{kept}")
-            else:
-                time.sleep(PATIENCE_S)
-            leave(comm, INTERRUPTED)
-        if comm.size == 1:
-            raise
-        say_bug(comm.rank, comm.size)
-        leave(comm, BUG)
 
 
 @main.command()

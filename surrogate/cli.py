@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
-from macrofit.base.progress import launched
+from macrofit.base.progress import announce, launched
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from macrofit.base.farm import Farm
 
     from .network.shipped import Shipped
+
+
+LOADING = "Network         loading torch"
+"""What is said before anything heavy is loaded."""
 
 
 @click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
@@ -118,6 +122,7 @@ def generate(
     Whatever ends it, the same command goes on: samples that are there are not computed again, and more --pairs add to
     them. Under mpirun all ranks compute, and the first one writes.
     """
+    announce("Plates          loading their engines", quiet=quiet)
     with farm(jobs) as workers:
         if workers is None:
             return
@@ -203,6 +208,7 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
+    announce(LOADING, quiet=quiet)
     from .data.table import open_samples
     from .errors import TrainingError
     from .evaluation.curves import write_curves
@@ -253,6 +259,7 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
     program for the preset; without any network, the shipped one with the paper's architecture beside it.
     """
+    announce(LOADING, quiet=False)
     from .evaluation.report import evaluation_lines
     from .evaluation.run import evaluate_network
     from .network.shipped import SHIPPED
@@ -300,6 +307,7 @@ def predict(
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
+    announce(LOADING, quiet=False)
     from msgspec.structs import asdict
 
     from meso.settings import decode

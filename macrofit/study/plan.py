@@ -77,8 +77,8 @@ def plan_study(
 
     Args:
         source: a built-in scene or a TOML file.
-        vary: "key=v1,v2,..." each; a value may be a range first:last:step, "0.1:0.5:0.1", its ends included; of integers the
-            step may be left out, "1:200".
+        vary: "key=v1,v2,..." each; a value may be a range first:last:step, "0.1:0.5:0.1", its ends included;
+            of integers the step may be left out, "1:200".
         overrides: "key=value" each, for all runs.
         references: see `reference_overrides`; they may name installed providers.
         friction: an object in place of the scene's [friction], with a `digest`, see `macrofit.solve.solve`. Its
