@@ -25,15 +25,45 @@ from .base.ranks import ending
 from .presets import PRESETS, summary
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from .acceptance import Standard
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
+def completes_scene(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Scenes and TOML files, for a shell."""
+    from .base.completion import names_and_files
+    from .scene import scene_names
+
+    return names_and_files(scene_names(), incomplete)
+
+
+def completes_standard(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Standards and TOML files, for a shell."""
+    from .acceptance import standard_names
+    from .base.completion import names_and_files
+
+    return names_and_files(standard_names(), incomplete)
+
+
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the scene and their values, for a shell."""
+    from .base.completion import keys_and_values, values_given
+    from .scene.completion import known_keys
+
+    scene = context.params.get("scene") or next(iter(context.args), None)  # there behind an option without its value
+    return keys_and_values(known_keys(incomplete, scene, values_given(context, "friction.provider")), incomplete)
+
+
+scene_argument = click.argument("scene", shell_complete=completes_scene)
+
+
 def changes(command: Callable[..., None]) -> Callable[..., None]:
     """The options that change a scene; the command gets both as ``overrides``."""
 
-    @set_option("the scene")
+    @set_option("the scene", completes_key)
     @click.option(
         "--preset",
         type=click.Choice(list(PRESETS)),
@@ -49,6 +79,7 @@ def changes(command: Callable[..., None]) -> Callable[..., None]:
 standard_option = click.option(
     "--standard",
     metavar="NAME|FILE",
+    shell_complete=completes_standard,
     help="Judge by this built-in standard, or by a TOML file of your own [en-13260].",
 )
 
@@ -66,7 +97,7 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "-o",
     "--output",
@@ -122,12 +153,13 @@ def asked_standard(named: str | None) -> Standard | None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--vary",
     multiple=True,
     required=True,
     metavar="KEY=V1,V2,...",
+    shell_complete=completes_key,
     help="Values of a key of the scene, or a range first:last:step, 0.1:0.5:0.1. More than one: every combination.",
 )
 @click.option(
@@ -197,7 +229,7 @@ def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--curve",
     required=True,
@@ -206,7 +238,12 @@ def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
 )
 @reads_curves
 @click.option("--free-shift", is_flag=True, help="Seek such a shift too, for a record that began late.")
-@click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
+@click.option(
+    "--key",
+    metavar="KEY",
+    shell_complete=completes_key,
+    help="What is sought [the provider's coefficient or micro_friction].",
+)
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-identified.")
@@ -300,7 +337,7 @@ def judge(
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
     help="Relative error of force, pressure and largest stress that a preset must meet.",
@@ -390,7 +427,7 @@ def init(kind: str, target: Path | None) -> None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @changes
 @click.option(
     "-o", "--output", "target", type=FILE, metavar="DRAWING",

@@ -48,8 +48,8 @@ def carry_out(
     """Solve the scene, write its results into ``folder``, and give the summary lines (rank 0). Collective.
 
     Only rank 0 writes, and no other run may write into the folder until all is written. ``friction`` is an object in
-    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal. The verdict
-    is by ``standard``, EN 13260 where it is left out.
+    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal. The
+    verdict is by ``standard``, EN 13260 where it is left out.
 
     Raises:
         MacrofitError: on all ranks together; what was accepted stays in the folder.

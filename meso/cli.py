@@ -16,6 +16,8 @@ from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 from .presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from .settings import Settings
 
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
@@ -40,8 +42,18 @@ def main() -> None:
     few_threads()
 
 
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+
+    from .settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
+
+
 settings_argument = click.argument("settings", required=False, type=FILE)
-set_settings = set_option("the settings")
+set_settings = set_option("the settings", completes_key)
 preset_option = click.option(
     "--preset", type=click.Choice(list(PRESETS)), default=DEFAULT, show_default=True,
     help=f"What neither SETTINGS nor --set says. {presets_line()}.",

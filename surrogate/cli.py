@@ -17,6 +17,7 @@ from macrofit.base.progress import announce, launched
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
     from mpi4py import MPI
 
     from macrofit.base.farm import Farm
@@ -36,6 +37,15 @@ def main() -> None:
     Lengths are in mm, forces in N.
     """
     few_threads()
+
+
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+    from meso.settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
 
 
 preset_option = click.option(
@@ -83,7 +93,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
 @preset_option
 @click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
-@set_option("the plates' settings")
+@set_option("the plates' settings", completes_key)
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
     help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",

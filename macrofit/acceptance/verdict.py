@@ -29,9 +29,7 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one rule."""
 
     name: Annotated[str, told("Name of the check: of the rule in the standard's file, or `curve` where there is none.")]
-    result: Annotated[
-        Result, told("What came of it; `not applicable`: no number, or no value to hold against it.")
-    ]
+    result: Annotated[Result, told("What came of it; `not applicable`: no number, or no value to hold against it.")]
     value: Annotated[float | None, told("What was found [unit]; null: nothing.")] = None
     low: Annotated[float | None, told("Least value that is accepted [unit]; null: any.")] = None
     high: Annotated[float | None, told("Largest value that is accepted [unit]; null: any.")] = None
