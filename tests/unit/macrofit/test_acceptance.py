@@ -485,7 +485,7 @@ def test_runs_and_studies_take_a_standard(tmp_path, monkeypatch):
     assert (kept["standard"], kept["word"]) == ("Ours", "refused")
     rows = Path("study/study.csv").read_text().splitlines()
     column = rows[0].split(",").index("refused_for")
-    assert [row.split(",")[column] for row in rows[1:]][0] == "final_force"
+    assert rows[1].split(",")[column] == "final_force"
     wrong = macrofit("run", "hub.toml", "--standard", "gost-1101", "-o", "none")
     assert (wrong.exit_code, wrong.stderr.count("\n")) == (2, 1)
     assert "did you mean 'gost-11018'?" in wrong.stderr
