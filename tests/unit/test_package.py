@@ -1,4 +1,4 @@
-"""What is distributed: everything the programs read is inside, the sdist gives the same wheel, and that runs by itself."""
+"""What is distributed: all that the programs read is inside, the sdist gives the same wheel, and that runs."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 from unit.test_imports import imported_modules
+
+import macrofit
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("macrofit", "meso", "surrogate")
@@ -130,3 +132,34 @@ def test_what_is_imported_is_asked_for() -> None:
             inside = ".".join(path.relative_to(ROOT).parent.parts)
             used |= {name.partition(".")[0] for name in imported_modules(path, inside)}
     assert used - set(sys.stdlib_module_names) - set(PACKAGES) - OF_THE_SYSTEM == asked
+
+
+def test_the_recipe_asks_for_what_the_package_asks_for() -> None:
+    """Names differ for two of them: the build of matplotlib without windows, and torch."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    recipe = (ROOT / "docs" / "install" / "recipe.yaml").read_text()
+    names = {"matplotlib": "matplotlib-base", "torch": "pytorch"}
+    for line in [*project["dependencies"], *project["optional-dependencies"]["surrogate"]]:
+        name, bound = line.split(">=")
+        assert f"    - {names.get(name, name)} >={bound}\n" in recipe
+    for command, target in project["scripts"].items():
+        assert f"      - {command} = {target}\n" in recipe
+    assert f"python {project['requires-python']}" in recipe
+
+
+def test_the_container_has_what_its_set_up_reads() -> None:
+    text = (ROOT / "docs" / "install" / "Containerfile").read_text()
+    copied = {name for words in re.findall(r"^COPY (.+) \S+$", text, re.MULTILINE) for name in words.split()}
+    assert copied == {"Makefile", "pyproject.toml", "constraints.txt", "README.md", "LICENSE", *PACKAGES}
+    assert "RUN make setup-network" in text
+
+
+def test_versions_and_dates_agree() -> None:
+    """The newest release of the changelog is the one to cite, and the recipe builds it."""
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    version, day = re.findall(r"^## \[([\d.]+)\] - (\d{4}-\d\d-\d\d)$", changes, re.MULTILINE)[0]
+    assert version == macrofit.__version__
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {version}\n" in citation
+    assert f"\ndate-released: {day}\n" in citation
+    assert f"\n  version: {version}\n" in (ROOT / "docs" / "install" / "recipe.yaml").read_text()
