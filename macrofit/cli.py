@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,34 +13,57 @@ import click
 
 from . import __version__
 from .base.commands import (
-    BUG,
     FILE,
-    INTERRUPTED,
     SETTINGS,
-    USER_MISTAKE,
     Commands,
     complain,
     few_threads,
-    say_bug,
     set_option,
-    was_interrupted,
 )
-from .base.ranks import leave
-from .errors import MacrofitError
+from .base.progress import announce
+from .base.ranks import ending
 from .presets import PRESETS, summary
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from click.shell_completion import CompletionItem
+
+    from .acceptance import Standard
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
-PATIENCE_S = 2.0
-"""How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
+
+
+def completes_scene(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Scenes and TOML files, for a shell."""
+    from .base.completion import names_and_files
+    from .scene import scene_names
+
+    return names_and_files(scene_names(), incomplete)
+
+
+def completes_standard(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Standards and TOML files, for a shell."""
+    from .acceptance import standard_names
+    from .base.completion import names_and_files
+
+    return names_and_files(standard_names(), incomplete)
+
+
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the scene and their values, for a shell."""
+    from .base.completion import keys_and_values, values_given
+    from .scene.completion import known_keys
+
+    scene = context.params.get("scene") or next(iter(context.args), None)  # there behind an option without its value
+    return keys_and_values(known_keys(incomplete, scene, values_given(context, "friction.provider")), incomplete)
+
+
+scene_argument = click.argument("scene", shell_complete=completes_scene)
 
 
 def changes(command: Callable[..., None]) -> Callable[..., None]:
     """The options that change a scene; the command gets both as ``overrides``."""
 
-    @set_option("the scene")
+    @set_option("the scene", completes_key)
     @click.option(
         "--preset",
         type=click.Choice(list(PRESETS)),
@@ -54,6 +74,14 @@ def changes(command: Callable[..., None]) -> Callable[..., None]:
         command(*given, overrides=overrides if preset is None else (f"preset={preset}", *overrides), **named)
 
     return changed
+
+
+standard_option = click.option(
+    "--standard",
+    metavar="NAME|FILE",
+    shell_complete=completes_standard,
+    help="Judge by this built-in standard, or by a TOML file of your own [en-13260].",
+)
 
 
 @click.group("macrofit", cls=Commands, context_settings=SETTINGS)
@@ -69,7 +97,7 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "-o",
     "--output",
@@ -78,15 +106,25 @@ def main() -> None:
     help="Folder of the results [the scene's name].",
 )
 @changes
+@standard_option
 @click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
 @click.option("--strict", is_flag=True, help="Take a doubt about the run for an error (its results are kept).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors and doubts.")
-def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, strict: bool, quiet: bool) -> None:
+def run(
+    scene: str,
+    folder: Path | None,
+    overrides: tuple[str, ...],
+    standard: str | None,
+    resume: bool,
+    strict: bool,
+    quiet: bool,
+) -> None:
     """Compute SCENE and write curve, stresses and figures into a folder; also under mpirun.
 
     A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
     with an unfinished run of the same scene, which --resume continues.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
@@ -94,24 +132,35 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
         from .base.ranks import made_by_first
         from .scene import idle_keys, load_scene
 
-        resolved = made_by_first(comm, lambda: load_scene(scene, overrides))
+        resolved, rules = made_by_first(comm, lambda: (load_scene(scene, overrides), asked_standard(standard)))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
         from .run import carry_out
 
-        say_lines(carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict), quiet=quiet)
+        lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict, standard=rules)
+        say_lines(lines, quiet=quiet)
+
+
+def asked_standard(named: str | None) -> Standard | None:
+    """The standard of `--standard`; None where there is none. Raises StandardError."""
+    if named is None:
+        return None
+    from .acceptance import load_standard
+
+    return load_standard(named)
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--vary",
     multiple=True,
     required=True,
     metavar="KEY=V1,V2,...",
-    help="Values of a key of the scene, or a range of integers, 1:200. More than one: every combination.",
+    shell_complete=completes_key,
+    help="Values of a key of the scene, or a range first:last:step, 0.1:0.5:0.1. More than one: every combination.",
 )
 @click.option(
     "--reference",
@@ -121,6 +170,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
 )
 @changes
+@standard_option
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
@@ -130,6 +180,7 @@ def study(
     vary: tuple[str, ...],
     references: tuple[str, ...],
     overrides: tuple[str, ...],
+    standard: str | None,
     folder: Path | None,
     resume: bool,
     keep: bool,
@@ -145,15 +196,19 @@ def study(
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
     """  # noqa: D301 - click wants the character
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
         from .base.ranks import made_by_first
-        from .study.plan import plan_study
+        from .study.plan import Plan, plan_study
         from .study.run import carry_out_study
 
-        plan = made_by_first(comm, lambda: plan_study(scene, vary, overrides, references))
+        def planned() -> Plan:
+            return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
+
+        plan = made_by_first(comm, planned)
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
@@ -174,7 +229,7 @@ def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--curve",
     required=True,
@@ -183,7 +238,12 @@ def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
 )
 @reads_curves
 @click.option("--free-shift", is_flag=True, help="Seek such a shift too, for a record that began late.")
-@click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
+@click.option(
+    "--key",
+    metavar="KEY",
+    shell_complete=completes_key,
+    help="What is sought [the provider's coefficient or micro_friction].",
+)
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-identified.")
@@ -204,11 +264,12 @@ def identify(
 
     Writes identification.json, identified_curve.csv and a figure into a folder.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target, resumes=False):
-        from .identify.measured import Reading
+        from .identify.measured import Reading, interval, two_columns
         from .identify.output import carry_out_identification
 
         reading = Reading(columns=two_columns(columns), **of_curve)
@@ -233,10 +294,11 @@ def identify(
 @click.option("--diameter", type=POSITIVE, metavar="MM", help="Diameter of the seat.")
 @click.option("--length", type=POSITIVE, metavar="MM", help="Length that seat and bore have in common at the end.")
 @click.option("--interference", type=float, metavar="MM", help="Measured interference, on the diameter.")
-@click.option("--standard", metavar="NAME", help="A built-in standard, or a TOML file of your own [en-13260].")
+@standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in the standard, for its window of the final force.")
 @reads_curves
 @click.option("-o", "--output", "target", type=FILE, help="Write the verdict to this file too, as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, see `macrofit schema verdict`.")
 @click.pass_context
 def judge(
     context: click.Context,
@@ -247,6 +309,7 @@ def judge(
     standard: str | None,
     wheel: str | None,
     target: Path | None,
+    as_json: bool,
     columns: str | None,
     **of_curve: Any,
 ) -> None:
@@ -260,19 +323,21 @@ def judge(
     macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
     macrofit judge wheelset
     """  # noqa: D301 - click wants the character
-    from .identify.measured import Reading
+    from .identify.measured import Reading, two_columns
     from .judge import Seat, carry_out_judgement
 
     reading = Reading(columns=two_columns(columns), **of_curve)
     seat = Seat(diameter=diameter, length=length, interference=interference)
-    lines, code = carry_out_judgement(curve, seat, reading=reading, standard=standard, wheel=wheel, target=target)
+    lines, code = carry_out_judgement(
+        curve, seat, reading=reading, standard=standard, wheel=wheel, target=target, as_json=as_json
+    )
     for line in lines:
         click.echo(line)
     context.exit(code)
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
     help="Relative error of force, pressure and largest stress that a preset must meet.",
@@ -286,6 +351,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
     The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the
     limit. Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
@@ -297,6 +363,11 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
         lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
         for line in [] if quiet else lines:
             click.echo(line)
+
+
+def loading(scene: str) -> str:
+    """What is said of a scene before anything is loaded for it."""
+    return f"Scene           {scene}; loading the solver"
 
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
@@ -317,59 +388,6 @@ def import_mesher() -> None:
     import gmsh  # noqa: F401
 
     signal.signal(signal.SIGINT, interrupt)  # it takes Ctrl-C for itself
-
-
-def interval(text: str | None) -> tuple[float, float] | None:
-    """LOW,HIGH as numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
-    return low, high
-
-
-def two_columns(text: str | None) -> tuple[str, str] | None:
-    """D,F as two names or numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
-        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
-    return parts[0], parts[1]
-
-
-@contextmanager
-def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
-    """End every rank with the right code and one message: never a rank that waits for one that is gone.
-
-    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
-    """
-    try:
-        yield
-    except MacrofitError as error:  # raised on every rank together
-        if comm.rank == 0:
-            complain(error)
-        sys.exit(USER_MISTAKE)
-    except (KeyboardInterrupt, Exception) as error:
-        if was_interrupted(error):
-            if comm.rank == 0:
-                kept = (
-                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
-                )
-                complain(f"interrupted{kept}")
-            else:
-                time.sleep(PATIENCE_S)
-            leave(comm, INTERRUPTED)
-        if comm.size == 1:
-            raise
-        say_bug(comm.rank, comm.size)
-        leave(comm, BUG)
 
 
 @main.command()
@@ -409,7 +427,7 @@ def init(kind: str, target: Path | None) -> None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @changes
 @click.option(
     "-o", "--output", "target", type=FILE, metavar="DRAWING",
@@ -447,13 +465,22 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
 
 
 @main.command()
-def schema() -> None:
-    """Print the JSON schema of a scene, for editors."""
+@click.argument("kind", type=click.Choice(["scene", "standard", "verdict"]), default="scene")
+def schema(kind: str) -> None:
+    """Print a JSON schema: every key with its meaning, unit and bounds.
+
+    KIND is scene (the default) or standard, for editors, or verdict, for programs that read what `macrofit judge
+    --json` prints and summary.json has.
+    """
     import msgspec
 
-    from .scene import json_schema
-
-    click.echo(msgspec.json.format(msgspec.json.encode(json_schema()), indent=2).decode())
+    if kind == "scene":
+        from .scene import json_schema as of_kind
+    elif kind == "standard":
+        from .acceptance import standard_schema as of_kind
+    else:
+        from .acceptance import verdict_schema as of_kind
+    click.echo(msgspec.json.format(msgspec.json.encode(of_kind()), indent=2).decode())
 
 
 @main.command()

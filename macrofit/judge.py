@@ -41,8 +41,11 @@ def carry_out_judgement(
     standard: str | None = None,
     wheel: str | None = None,
     target: Path | None = None,
+    as_json: bool = False,
 ) -> tuple[list[str], int]:
     """Judge a curve or a run, write the verdict to ``target`` as JSON, give its lines and the exit code.
+
+    With ``as_json`` the lines are the same JSON.
 
     Raises:
         MacrofitError: the curve, the folder, the standard or the target is not what it should be.
@@ -54,6 +57,8 @@ def carry_out_judgement(
         taken, verdict = _of_curve(source, seat, reading, rules, wheel)
     if target is not None:
         write_json(target, msgspec.to_builtins(verdict))
+    if as_json:
+        return [msgspec.json.format(msgspec.json.encode(verdict), indent=2).decode()], EXIT_CODES[verdict.word]
     return [f"Curve           {taken}", *lines(verdict)], EXIT_CODES[verdict.word]
 
 

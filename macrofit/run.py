@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from .acceptance import Standard
 from .base.files import remove_drafts
 from .base.ranks import raise_together
 from .bodies.outlook import seat_ends
@@ -42,11 +43,13 @@ def carry_out(
     quiet: bool,
     friction: GivenFriction | None = None,
     strict: bool = False,
+    standard: Standard | None = None,
 ) -> list[str]:
     """Solve the scene, write its results into ``folder``, and give the summary lines (rank 0). Collective.
 
     Only rank 0 writes, and no other run may write into the folder until all is written. ``friction`` is an object in
-    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal.
+    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal. The
+    verdict is by ``standard``, EN 13260 where it is left out.
 
     Raises:
         MacrofitError: on all ranks together; what was accepted stays in the folder.
@@ -62,7 +65,8 @@ def carry_out(
             journal, curve = open_folder(folder, scene, resume=resume)
         else:
             journal = Journal.elsewhere()
-    monitor: Monitor = Silent() if curve is None else Several(on_screen(quiet=quiet), curve)
+    screen = on_screen(quiet=quiet or curve is None, planned=len(scene.displacements) + scene.motion.release)
+    monitor: Monitor = Silent() if curve is None else Several(screen, curve)
     lines: list[str] = []
     with journal:
         try:
@@ -73,7 +77,7 @@ def carry_out(
             raise
         with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
             if comm.rank == 0:
-                lines = write_results(folder, solution, strict=strict)
+                lines = write_results(folder, solution, strict=strict, standard=standard)
     return lines
 
 
@@ -105,7 +109,9 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
             write_interface(folder, scene, seat_ends(scene), curve.records)
 
 
-def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> list[str]:
+def write_results(
+    folder: Path, solution: Solution, *, strict: bool = False, standard: Standard | None = None
+) -> list[str]:
     """Write what is left when all increments are done; gives the summary lines.
 
     Raises:
@@ -114,7 +120,7 @@ def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> 
     """
     from .figures.curves import write_figures
 
-    numbers = summary(solution)
+    numbers = summary(solution, standard)
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_figures(folder, solution)

@@ -10,18 +10,22 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.errors import OutputError
-from macrofit.base.progress import is_first_rank
+from macrofit.base.progress import announce, is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
 from .presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from .settings import Settings
 
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 """Radius ratios in the figures of a calibration [-]."""
 MODULI = (0.5, 1.0, 1.5, 2.0)
 """Moduli of the beams in the figures of a calibration, over the modulus found [-]."""
+LOADING = "Plates          loading their engines"
+"""What is said before anything heavy is loaded."""
 LIGHT_CUBE = 1000
 """Spheres, at most, in the cube that is pulled for these figures: 32 pairs of parameters take some seconds."""
 
@@ -38,8 +42,18 @@ def main() -> None:
     few_threads()
 
 
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+
+    from .settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
+
+
 settings_argument = click.argument("settings", required=False, type=FILE)
-set_settings = set_option("the settings")
+set_settings = set_option("the settings", completes_key)
 preset_option = click.option(
     "--preset", type=click.Choice(list(PRESETS)), default=DEFAULT, show_default=True,
     help=f"What neither SETTINGS nor --set says. {presets_line()}.",
@@ -79,6 +93,7 @@ def run(
 
     A folder with results of a run is replaced. A folder with anything else in it is refused.
     """
+    announce(LOADING, quiet=quiet)
     more = [f"engine.name={engine}"] if engine else []
     if micro_friction:
         more.append(f"contact.micro_friction={list(micro_friction)}")
@@ -166,6 +181,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
     for target in targets:
         if target.suffix.lower() not in (".vtu", ".vtk", ".png"):
             raise OutputError(f"{target}: spheres are written as .vtu or .vtk, their picture as .png")
+    announce(LOADING, quiet=False)
     resolved = _load(settings, overrides, preset)
     from .plates import make_plates
     from .results.folder import write_spheres
@@ -217,6 +233,7 @@ def calibrate(
     Tensile tests on packed cubes of 1 mm give the radius ratio of the beams from the Poisson ratio, then their modulus
     from Young's modulus.
     """
+    announce(LOADING, quiet=False)
     from macrofit.base.files import write_text
 
     from .calibrate import calibrate as find

@@ -13,15 +13,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
-from macrofit.base.progress import launched
+from macrofit.base.progress import announce, launched
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
     from mpi4py import MPI
 
     from macrofit.base.farm import Farm
 
     from .network.shipped import Shipped
+
+
+LOADING = "Network         loading torch"
+"""What is said before anything heavy is loaded."""
 
 
 @click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
@@ -32,6 +37,15 @@ def main() -> None:
     Lengths are in mm, forces in N.
     """
     few_threads()
+
+
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+    from meso.settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
 
 
 preset_option = click.option(
@@ -79,7 +93,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
 @preset_option
 @click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
-@set_option("the plates' settings")
+@set_option("the plates' settings", completes_key)
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
     help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
@@ -118,6 +132,7 @@ def generate(
     Whatever ends it, the same command goes on: samples that are there are not computed again, and more --pairs add to
     them. Under mpirun all ranks compute, and the first one writes.
     """
+    announce("Plates          loading their engines", quiet=quiet)
     with farm(jobs) as workers:
         if workers is None:
             return
@@ -203,6 +218,7 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
+    announce(LOADING, quiet=quiet)
     from .data.table import open_samples
     from .errors import TrainingError
     from .evaluation.curves import write_curves
@@ -253,6 +269,7 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
     program for the preset; without any network, the shipped one with the paper's architecture beside it.
     """
+    announce(LOADING, quiet=False)
     from .evaluation.report import evaluation_lines
     from .evaluation.run import evaluate_network
     from .network.shipped import SHIPPED
@@ -300,6 +317,7 @@ def predict(
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
+    announce(LOADING, quiet=False)
     from msgspec.structs import asdict
 
     from meso.settings import decode

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from ..solution import Solution
 
 
-def verdict(solution: Solution) -> tuple[Verdict | None, str]:
-    """The verdict of a solved scene by the default standard, or None and the reason why there is none."""
+def verdict(solution: Solution, standard: Standard | None = None) -> tuple[Verdict | None, str]:
+    """The verdict of a solved scene, by EN 13260 where no standard is given, or None and the reason why not."""
     largest = {body: at.value for body, at in solution.max_von_mises.items()}
-    return judge_scene(solution.scene, solution.displacement, solution.force, largest)
+    return judge_scene(solution.scene, solution.displacement, solution.force, largest, standard)
 
 
 def judge_scene(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .errors import MacrofitError, OutputError
+from .errors import MacrofitError, OutputError, nearest
 from .files import read_regular
 
 MOST_BYTES = 10_000_000
@@ -131,9 +130,7 @@ def last_part(key: str) -> str:
 
 def unknown_key(key: str, known: Sequence[str]) -> str:
     """What to say of a key that is not there, with the nearest one that is."""
-    close = difflib.get_close_matches(key.rpartition(".")[2], known, n=1)
-    remedy = f"did you mean '{close[0]}'?" if close else f"known keys: {', '.join(known)}"
-    return f"{key}: unknown key ({remedy})"
+    return f"{key}: unknown key ({nearest(key.rpartition('.')[2], known, 'known keys')})"
 
 
 def _split_at_equals(text: str) -> tuple[str, str] | None:

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..base.textfile import TextTable, read_text_table
 from ..base.units import AMBIGUOUS, FORCES, LENGTHS, Heading, kind_of, known_unit, read_heading
-from ..errors import OutputError
+from ..errors import OutputError, SceneError
 
 MOST_BYTES = 100_000_000
 """Size of a curve; an hour at 1 kHz has about as much."""
@@ -396,3 +396,24 @@ def _cut(
         low, high = float(along.min()), float(along.max())
         raise OutputError(f"{path}: nothing lies between --from and --to; the displacements are {low:g} to {high:g} mm")
     return lines[first:last], along[first:last], force[first:last]
+
+
+def interval(text: str | None) -> tuple[float, float] | None:
+    """LOW,HIGH as numbers. Raises SceneError."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
+    return low, high
+
+
+def two_columns(text: str | None) -> tuple[str, str] | None:
+    """D,F as two names or numbers. Raises SceneError."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
+        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
+    return parts[0], parts[1]

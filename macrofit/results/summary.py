@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from ..acceptance import verdict
+from ..acceptance import Standard, verdict
 from .doubts import doubtful_lines, doubts
 from .versions import versions
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from ..solution import Solution, YieldZone
 
 
-def summary(solution: Solution) -> dict[str, Any]:
-    """The numbers of summary.json, keys with their units. A number that does not exist is None."""
+def summary(solution: Solution, standard: Standard | None = None) -> dict[str, Any]:
+    """The numbers of summary.json, keys with their units; ``standard`` judges. A number that does not exist is None."""
     scene, records, force = solution.scene, solution.increments, solution.force
     top = int(np.argmax(force)) if records else None
-    judged, reason = verdict(solution)
+    judged, reason = verdict(solution, standard)
     radial = None if scene.interference is None else round(scene.interference, 12)  # 95 - 94.7 = 0.29999...
     return {
         "title": scene.title,

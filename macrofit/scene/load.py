@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from ..base.errors import nearest
 from ..base.keys import KeyMistake, decode_tables
 from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override
 from ..errors import SceneError
@@ -100,8 +101,8 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
         return parse_toml((resources.files("macrofit.scene") / "library" / f"{name}.toml").read_text(), name), None
     path = Path(source)
     if not path.exists():
-        known = ", ".join(scene_names())
-        raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
+        remedy = nearest(name, scene_names(), "which are", also=map(str, path.parent.glob("*.toml")))
+        raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({remedy})")
     return read_toml(path), path.parent
 
 

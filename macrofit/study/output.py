@@ -78,7 +78,7 @@ def write_study(
     """
     from .figures import write_study_figures
 
-    verdicts = [_verdict(*pair) for pair in zip(plan.runs, records, strict=True)]
+    verdicts = [_verdict(plan, *pair) for pair in zip(plan.runs, records, strict=True)]
     rows = [_columns(plan), *(_row(plan, *each) for each in zip(plan.runs, records, verdicts, strict=True))]
     write_text(folder / ROWS, _csv(rows))
     write_text(folder / CURVES, _csv(_curves(plan, records)))
@@ -143,10 +143,10 @@ def _row(plan: Plan, run: PlannedRun, record: RunRecord, verdict: Verdict | None
     return [*cells, f"{record.cpu_s:.3f}"]
 
 
-def _verdict(run: PlannedRun, record: RunRecord) -> Verdict | None:
+def _verdict(plan: Plan, run: PlannedRun, record: RunRecord) -> Verdict | None:
     """The same verdict that the run's own summary.json has."""
     largest = {body: at.value for body, at in record.max_von_mises.items()}
-    return judge_scene(run.scene, record.displacement, record.force, largest)[0]
+    return judge_scene(run.scene, record.displacement, record.force, largest, plan.standard)[0]
 
 
 def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str, Any]:

@@ -299,7 +299,9 @@ def test_mistakes_in_a_standard_are_one_line(tmp_path, text, said):
 
 
 def test_no_such_standard():
-    with pytest.raises(StandardError, match=r"neither a file nor one of the built-in ones \(en-13260, gost-11018\)"):
+    with pytest.raises(StandardError, match=r"nor one of the built-in ones \(which are: en-13260, gost-11018\)"):
+        load_standard("din")
+    with pytest.raises(StandardError, match=r"no standard 'en-1326': .* \(did you mean 'en-13260'\?\)"):
         load_standard("en-1326")
 
 
@@ -321,7 +323,8 @@ def test_a_run_is_judged_with_its_interference_and_length():
     assert reason == ""
     assert found.check("interference").value == pytest.approx(0.3)
     assert found.check("length_over_diameter").value == pytest.approx(20.0 / 190.0)
-    assert found.check("safety_axle").note == "no yield stress is known"
+    assert "no yield stress is known, the largest stress is" in found.check("safety_axle").note
+    assert "state axle.material.grade" in found.check("safety_axle").note
     assert found.word == "undecided"
 
 
@@ -419,6 +422,94 @@ def test_options_of_the_reader_and_the_verdict_as_data(curve_file, tmp_path):
     short = macrofit("judge", curve_file("ramp"), *SEAT, "--from", 60)
     assert short.exit_code == 1
     assert "engaged length" in short.stdout
+
+
+def fits(value: object, schema: dict, whole: dict) -> bool:
+    """Whether a value keeps the parts of JSON schema that this project's schemas use."""
+    if "$ref" in schema:
+        return fits(value, whole["$defs"][schema["$ref"].rpartition("/")[2]], whole)
+    if "anyOf" in schema:
+        return any(fits(value, each, whole) for each in schema["anyOf"])
+    if "enum" in schema:
+        return value in schema["enum"]
+    if schema["type"] == "object":
+        known = schema["properties"]
+        whole_object = isinstance(value, dict) and set(value) == set(known) == set(schema["required"])
+        return whole_object and all(fits(value[key], known[key], whole) for key in known)
+    if schema["type"] == "array":
+        return isinstance(value, list) and all(fits(each, schema["items"], whole) for each in value)
+    kinds = {"string": str, "number": (int, float), "boolean": bool, "null": type(None)}
+    return isinstance(value, kinds[schema["type"]]) and (schema["type"] != "number" or not isinstance(value, bool))
+
+
+def test_the_json_of_a_verdict_keeps_its_schema(curve_file, tmp_path):
+    """Accepted, refused and without a curve; every key is documented, and a wrong value or a lost key is seen."""
+    schema = json.loads(macrofit("schema", "verdict").stdout)
+    few = tmp_path / "few.csv"
+    few.write_text("Weg [mm];Kraft [kN]\n" + "".join(f"{60 * k};{300 * k}\n" for k in range(4)))
+    for curve, word in ((curve_file("ramp"), "accepted"), (curve_file("step"), "refused"), (few, "undecided")):
+        shown = macrofit("judge", curve, *SEAT, "--json", "-o", tmp_path / "verdict.json")
+        found = json.loads(shown.stdout)
+        assert found == json.loads((tmp_path / "verdict.json").read_text())
+        assert found["word"] == word
+        assert shown.exit_code == {"accepted": 0, "refused": 1, "undecided": 2}[word]
+        assert fits(found, schema, schema)
+    assert not fits(found | {"word": "perhaps"}, schema, schema)
+    assert not fits({key: found[key] for key in found if key != "checks"}, schema, schema)
+    assert not fits(found | {"checks": [found["checks"][0] | {"value": "3"}]}, schema, schema)
+    page = (Path(__file__).parents[3] / "docs" / "acceptance.md").read_text()
+    for table in schema["$defs"].values():
+        for key, said in table["properties"].items():
+            assert said["description"]
+            assert f"`{key}`" in page
+
+
+def test_the_schema_of_a_standard_names_every_rule():
+    schema = json.loads(macrofit("schema", "standard").stdout)
+    assert set(schema["$defs"]["Standard"]["properties"]) == set(Standard.__struct_fields__)
+
+
+def test_runs_and_studies_take_a_standard(tmp_path, monkeypatch):
+    """The verdict of a run, of a kept run and of a study's table is by the file that is named; a wrong one is told."""
+    monkeypatch.chdir(tmp_path)
+    Path("my.toml").write_text(MINIMAL)
+    short = ("hub.toml", "--standard", "my.toml", "--set", "motion.increment=20", "--preset", "fast")
+    assert macrofit("init", "hub").exit_code == 0
+    done = macrofit("run", *short, "-o", "run", "--quiet")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(Path("run/summary.json").read_text())["verdict"]["standard"] == "Ours"
+    vary = ("--vary", "friction.options.coefficient=0.05:0.15:0.1", "--keep", "-o", "study", "--quiet")
+    done = macrofit("study", *short, *vary)
+    assert done.exit_code == 0, done.stderr
+    kept = json.loads(Path("study/runs/0001/summary.json").read_text())["verdict"]
+    assert (kept["standard"], kept["word"]) == ("Ours", "refused")
+    rows = Path("study/study.csv").read_text().splitlines()
+    column = rows[0].split(",").index("refused_for")
+    assert rows[1].split(",")[column] == "final_force"
+    wrong = macrofit("run", "hub.toml", "--standard", "gost-1101", "-o", "none")
+    assert (wrong.exit_code, wrong.stderr.count("\n")) == (2, 1)
+    assert "did you mean 'gost-11018'?" in wrong.stderr
+    assert not Path("none").exists()
+
+
+@pytest.mark.parametrize("scene", ["wheelset", "wheelset-en"])
+def test_the_verdict_of_the_wheelsets_has_interference_safety_and_length(scene, tmp_path):
+    """Where the steel is stated; the elastic stress at the sharp edges of these drawings is beyond its yield stress."""
+    steel = [f"{body}.material.{key}" for body, grade in (("axle", "EA1N"), ("wheel", "ER7"))
+             for key in (f"grade={grade}", "elastic=true")]  # fmt: skip
+    words = [word for each in (*steel, "motion.increment=10", "output.fields=[]") for word in ("--set", each)]
+    assert macrofit("run", scene, "-o", tmp_path / "run", "--preset", "fast", *words, "--quiet").exit_code == 0
+    found = json.loads(macrofit("judge", tmp_path / "run", "--json").stdout)
+    checks = {check["name"]: check for check in found["checks"]}
+    assert checks["length_over_diameter"]["value"] == pytest.approx(190 / found["seat_diameter_mm"])
+    assert checks["length_over_diameter"]["result"] == "pass"
+    fitted = {"wheelset": (0.6, "fail"), "wheelset-en": (0.3, "pass")}[scene]
+    assert (pytest.approx(checks["interference"]["value"]), checks["interference"]["result"]) == fitted
+    assert checks["interference"]["high"] == pytest.approx(1.5e-3 * found["seat_diameter_mm"] + 0.06)
+    for body, bound in (("axle", 320.0), ("wheel", 520.0)):
+        largest = json.loads((tmp_path / "run" / "summary.json").read_text())["max_von_mises_MPa"][body]["value"]
+        assert checks[f"safety_{body}"]["value"] == pytest.approx(bound / largest)
+        assert (checks[f"safety_{body}"]["result"], checks[f"safety_{body}"]["low"]) == ("fail", 1.2)
 
 
 def test_a_folder_gives_the_verdict_of_its_summary(tmp_path):

@@ -75,6 +75,11 @@ def totals(folder: Path) -> dict[str, object]:
         ("a.b=1:4", ["1", "2", "3", "4"]),
         ("a.b=1:9:4,20", ["1", "5", "9", "20"]),
         ("a.b=-1:1", ["-1", "0", "1"]),
+        ("a.b=0.1:0.5:0.1", ["0.1", "0.2", "0.3", "0.4", "0.5"]),
+        ("a.b=-0.1:0.1:0.05,7", ["-0.1", "-0.05", "0.0", "0.05", "0.1", "7"]),
+        ("a.b=1e-3:3e-3:1e-3", ["0.001", "0.002", "0.003"]),
+        ("a.b=0:1:0.3", ["0.0", "0.3", "0.6", "0.9"]),
+        ("a.b=c:d", ["c:d"]),
         ("a.b={c=1, d=[2,3]},x", ["{c=1, d=[2,3]}", "x"]),
         ('a.b="1,2",3', ['"1,2"', "3"]),
     ],
@@ -105,6 +110,11 @@ def test_references():
         (["--vary", "friction.options.coefficient=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "friction.options.coefficient=0.1,0.10"], "are the same scene"),
         (["--vary", "friction.options.seed=5:1"], "the range 5:1 is empty"),
+        (["--vary", "friction.options.coefficient=0.1:0.5"], "has no step; write first:last:step"),
+        (["--vary", "friction.options.coefficient=0.5:0.1:0.1"], "the range 0.5:0.1:0.1 is empty"),
+        (["--vary", "friction.options.coefficient=0.1:0.5:1e-999999"], "is empty"),
+        (["--vary", "friction.options.coefficient=1e400:1e401:1"], "is no range of numbers"),
+        (["--vary", "friction.options.coefficient=0:1:1e-9"], "more than 100000"),
         (["--vary", "friction.options.seed=1:999999"], "more than 100000"),
         (["--vary", "friction.options.seed=1:3"], "--set friction.provider=NAME"),
         (["--vary", "motion.travl=1,2"], "motion.travl: unknown key"),
@@ -314,7 +324,7 @@ def test_resume_after_a_kill(scene_file):
         patch.setattr(rippled.Rippled, "coefficients", counting)
         shown = macrofit(*arguments, *kill, "--resume", "-o", "out")
     assert shown.exit_code == 0, shown.stderr
-    assert shown.stdout.startswith("2 of 4 runs are there already\n")
+    assert shown.stdout.splitlines()[1] == "2 of 4 runs are there already"
     assert set(asked) == {3, 4}
     assert totals(Path("out"))["resumed_runs"] == 2
     assert macrofit(*arguments, "-o", "fresh").exit_code == 0
