@@ -48,7 +48,7 @@ class Increment:
     dissipation: float  # N mm, by friction in this increment
     plastic_work: float = 0.0  # N mm, of both bodies in this increment
     plastic_strain: float = 0.0  # largest accumulated plastic strain so far
-    work: float = 0.0  # N mm, of the press in this increment
+    work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     wall_s: float
     facets: FacetState = field(repr=False)

@@ -34,6 +34,7 @@ class State:
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see `contact.law`
+    thermal_strain: float  # of the wheel
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
     changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
@@ -53,7 +54,9 @@ class State:
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction", "friction_force")}
+        scalars = {
+            name: float(arrays[name]) for name in ("displacement", "direction", "friction_force", "thermal_strain")
+        }
         own = {name: arrays[name] for name in State._named()}
         changes: dict[str, dict[str, FloatArray | IntArray]] = {}
         for name, values in arrays.items():
@@ -80,6 +83,7 @@ class Step:
     friction_bound: float  # integral of friction * pressure
     strain_energy: float
     dissipation: float
+    heat: float = 0.0  # N mm, of the wheel's change of temperature
     settled: Settled | None = None
 
 
@@ -105,7 +109,7 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work([before, *(step.state for step in steps)]),
+        work=_work([before, *(step.state for step in steps)]) + sum(step.heat for step in steps),
         wall_s=wall_s,
         facets=last.facets,
     )
