@@ -154,8 +154,8 @@ class Press:
                     remedy = self._remedy(step)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
-                        f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try a smaller motion.increment, "
-                        f"or {remedy}"
+                        f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
+                        f"{'a smaller motion.increment' if whole else 'a larger motion.cooling'}, or {remedy}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
@@ -396,6 +396,8 @@ class Press:
             flow=None if settled is None else settled.flow,
         )
         pressure = -answer.traction[0]
+        line = self.seat.line
+        radius = np.interp(contact.coupling.portions.points.ravel(), line.coordinate, line.radius)
         return Step(
             state=after,
             report=report,
@@ -404,6 +406,7 @@ class Press:
             normal_force=float(weight @ pressure),
             friction_force=friction_force,
             friction_bound=float(weight @ (friction * pressure)),
+            torque=float(weight @ (friction * pressure * radius)),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
             heat=heat_work(self.bore, (state.bore_load, bore_load), after.thermal_strain - state.thermal_strain),
@@ -494,6 +497,7 @@ class Press:
             normal_force=0.0,
             friction_force=0.0,
             friction_bound=0.0,
+            torque=0.0,
             strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
             settled=settled,

@@ -81,6 +81,7 @@ class Step:
     normal_force: float
     friction_force: float  # axial resultant of the tangential traction
     friction_bound: float  # integral of friction * pressure
+    torque: float  # integral of friction * pressure * radius [N mm]
     strain_energy: float
     dissipation: float
     heat: float = 0.0  # N mm, of the wheel's change of temperature
@@ -110,6 +111,7 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
         work=_work([before, *(step.state for step in steps)]) + sum(step.heat for step in steps),
+        torque=last.torque,
         wall_s=wall_s,
         facets=last.facets,
     )

@@ -25,7 +25,7 @@ from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
 VERSION = 5
-"""Version of the frames and of what is in them; 4 had states without thermal strain, 3 increments without
+"""Version of the frames and of what is in them; 4 had no thermal strain and no torque, 3 increments without
 plastic work, 2 frames of another form."""
 
 

@@ -8,14 +8,18 @@ linear; beyond the first and the last it keeps their values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.arrays import FloatArray
 from ..errors import OutputError, SceneError
 from .keys import Hub, Scene, Shaft
+
+if TYPE_CHECKING:
+    from ..base.units import Heading
 
 MOST_BYTES = 50_000_000
 """Size of a profile; 200 mm at a step of a micrometre have 5 MB."""
@@ -32,7 +36,8 @@ class Deviation:
     z: FloatArray  # (n,) ascending [mm]
     value: FloatArray  # (n,) [mm]
     key: str  # of the scene, with the file, for messages
-    assumed: bool  # its unit is not stated
+    unit: str  # that the deviations are written in
+    assumed: bool  # it is not stated
     taken: str  # what of the file was taken for what, in words
 
     def at(self, z: FloatArray) -> FloatArray:
@@ -43,6 +48,16 @@ class Deviation:
         """Its derivative at z [-]; 0 beyond the ends."""
         steps = np.concatenate([[0.0], np.diff(self.value) / np.diff(self.z), [0.0]])
         return np.asarray(steps[np.searchsorted(self.z, z, side="right")])
+
+    def roughness(self, length: float) -> float:
+        """Root mean square [mm] of what the profile does within pieces of a length [mm], beside their means."""
+        piece = ((self.z - self.z[0]) / length).astype(np.int64)
+        count = np.maximum(np.bincount(piece), 1)
+        means = np.bincount(piece, self.value) / count
+        places = np.bincount(piece, self.z) / count
+        filled = np.bincount(piece) > 0
+        smooth = np.interp(self.z, places[filled], means[filled])
+        return float(np.sqrt(np.mean((self.value - smooth) ** 2))) if len(self.z) > 2 * filled.sum() else 0.0
 
     @property
     def largest(self) -> float:
@@ -61,24 +76,24 @@ def deviation_of(scene: Scene, body: str) -> Deviation | None:
         return None
     key = f"{body}.profile"
     try:
-        z, value, assumed, taken = read_profile(Path(file))
+        found = read_profile(Path(file), key)
     except OutputError as error:
         raise SceneError(f"{key}: {error}") from None
     if body == "wheel":  # drawn with its leading face at z = 0, and backwards
-        z, value = -z[::-1], value[::-1]
-    found = Deviation(z=z, value=value, key=f"{key}: {file}", assumed=assumed, taken=taken)
+        found = replace(found, z=-found.z[::-1], value=found.value[::-1])
     _check_drawn(scene, body, found)
     return found
 
 
-def read_profile(file: Path) -> tuple[FloatArray, FloatArray, bool, str]:
-    """z [mm] and deviation [mm] of a file, whether the unit of the deviation was assumed, and what was taken in words.
+def read_profile(file: Path, key: str) -> Deviation:
+    """The profile of a file that a key of a scene names, z as it stands there.
 
     Raises:
         OutputError: it cannot be read, has no two columns, a unit that is not known, or z that does not grow.
     """
     from ..base.columns import find_start, headings_of, numbers_of
     from ..base.textfile import read_text_table
+    from ..base.units import LENGTHS
 
     table = read_text_table(file, MOST_BYTES)
     preamble, first = find_start(table, "z [mm] and deviation [um]")
@@ -88,23 +103,29 @@ def read_profile(file: Path) -> tuple[FloatArray, FloatArray, bool, str]:
         )
     headings = headings_of(preamble, 2, {"length"})
     lines, values = numbers_of(table, len(preamble), 2, (0, 1))
-    units, assumed = [], []
-    for index, default in enumerate(("mm", "µm")):
-        heading = None if headings is None else headings[index]
-        strange = None if heading is None else heading.strange or (heading.unit if heading.kind != "length" else None)
-        if heading is not None and strange is not None:
-            raise OutputError(f"{file}: unit '{strange}' in its header is not one of mm, cm, m, in, um")
-        units.append(default if heading is None or heading.unit is None else heading.unit)
-        assumed.append(heading is None or heading.unit is None)
+    stated = [None, None] if headings is None else [_unit(file, heading) for heading in headings]
     _check_rows(file, lines, values)
-    from ..base.units import LENGTHS
-
-    z, value = values[:, 0] * LENGTHS[units[0]], values[:, 1] * LENGTHS[units[1]]
+    unit = stated[1] or "µm"
+    z, value = values[:, 0] * LENGTHS[stated[0] or "mm"], values[:, 1] * LENGTHS[unit]
     said = (
         f"{len(z)} points from z = {z[0]:.6g} to {z[-1]:.6g} mm, radius {1e3 * value.min():+.4g} to "
-        f"{1e3 * value.max():+.4g} um{' (um assumed)' if assumed[1] else ''}"
+        f"{1e3 * value.max():+.4g} um{'' if stated[1] else ', assumed to be in um'}"
     )
-    return z, value, assumed[1], said
+    return Deviation(
+        z=z, value=value, key=f"{key}: {file}", unit=unit.replace("µ", "u"), assumed=stated[1] is None, taken=said
+    )
+
+
+def _unit(file: Path, heading: Heading) -> str | None:
+    """The unit of length that the head of a column states; None for none.
+
+    Raises:
+        OutputError: it is another one.
+    """
+    strange = heading.strange or (heading.unit if heading.unit is not None and heading.kind != "length" else None)
+    if strange is not None:
+        raise OutputError(f"{file}: unit '{strange}' in its header is not known: take mm, cm, m, in or um")
+    return heading.unit
 
 
 def _check_rows(file: Path, lines: list[int], values: FloatArray) -> None:
