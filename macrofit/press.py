@@ -26,7 +26,7 @@ from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import FacetState, Increment, PairFrictionMap, Tiling
-from .state import State, Step, accepted
+from .state import State, Step, accepted, nothing_touches
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -471,7 +471,6 @@ class Press:
             settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
             seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
             after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
-        zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
         report = Report(
             answer=LinearSolution(nothing, nothing, nothing, np.zeros(0)),
@@ -480,24 +479,14 @@ class Press:
             residual=0.0,
             converged=settled is None or settled.converged,
         )
-        facets = FacetState(
-            pressure=zero,
-            traction=zero,
-            gap=zero,
-            slip=zero,
-            accumulated_slip=state.accumulated_slip,
-            status=zero.astype(np.int64),
-            friction=zero,
-        )
         return Step(
             state=after,
             report=report,
-            facets=facets,
+            facets=nothing_touches(state.accumulated_slip),
             force=0.0,
             normal_force=0.0,
             friction_force=0.0,
             friction_bound=0.0,
-            torque=0.0,
             strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
             settled=settled,

@@ -81,11 +81,25 @@ class Step:
     normal_force: float
     friction_force: float  # axial resultant of the tangential traction
     friction_bound: float  # integral of friction * pressure
-    torque: float  # integral of friction * pressure * radius [N mm]
     strain_energy: float
     dissipation: float
+    torque: float = 0.0  # N mm, integral of friction * pressure * radius
     heat: float = 0.0  # N mm, of the wheel's change of temperature
     settled: Settled | None = None
+
+
+def nothing_touches(accumulated_slip: FloatArray) -> FacetState:
+    """The facets of a seat that the wheel is nowhere near."""
+    zero = np.zeros(len(accumulated_slip))
+    return FacetState(
+        pressure=zero,
+        traction=zero,
+        gap=zero,
+        slip=zero,
+        accumulated_slip=accumulated_slip,
+        status=zero.astype(np.int64),
+        friction=zero,
+    )
 
 
 def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:

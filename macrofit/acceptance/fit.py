@@ -69,7 +69,7 @@ def fit_of_scene(
         reason=reason,
         interference=None if radial is None else round(2.0 * radial, 12),
         shrunk=is_shrunk(displacement),
-        holds=holds,
+        holds=holds if len(displacement) and float(displacement.max()) >= COVERED * length else None,
         von_mises=von_mises,
         yield_stress=yield_stresses(scene),
     ), ""

@@ -18,9 +18,13 @@ if TYPE_CHECKING:
 def verdict(solution: Solution) -> tuple[Verdict | None, str]:
     """The verdict of a solved scene by the default standard, or None and the reason why there is none."""
     largest = {body: at.value for body, at in solution.max_von_mises.items()}
+    return judge_scene(solution.scene, solution.displacement, solution.force, largest, holds=holds(solution))
+
+
+def holds(solution: Solution) -> float | None:
+    """The axial force [N] from which on the wheel slides, either way; None without friction."""
     numbers = holding(solution)
-    holds = None if numbers is None else min(numbers["push_off_N"], numbers["pull_off_N"])
-    return judge_scene(solution.scene, solution.displacement, solution.force, largest, holds=holds)
+    return None if numbers is None else min(numbers["push_off_N"], numbers["pull_off_N"])
 
 
 def holding(solution: Solution) -> dict[str, float] | None:

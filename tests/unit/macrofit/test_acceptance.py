@@ -142,6 +142,9 @@ ALONE = {
         fit(ramp(), von_mises={"wheel": 290.0}, yield_stress={"wheel": 350.0}),
         {},
     ),
+    "a shrunk wheel that slides": (  # 1.2 of 3.4 kN per mm of the diameter of 190
+        "proof", fit(ramp(), shrunk=True, holds=774e3), fit(ramp(), shrunk=True, holds=776e3), {},
+    ),
 }  # fmt: skip
 
 
