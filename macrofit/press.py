@@ -152,10 +152,11 @@ class Press:
                 halvings, cutbacks = halvings + 1, cutbacks + 1
                 if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
                     remedy = self._remedy(step)
+                    cools = thermal_strain not in (None, state.thermal_strain)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
-                        f"{'a smaller motion.increment' if whole else 'a larger motion.cooling'}, or {remedy}"
+                        f"{'a larger motion.cooling' if cools else 'a smaller motion.increment'}, or {remedy}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:

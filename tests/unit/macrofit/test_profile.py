@@ -252,3 +252,28 @@ def test_a_hot_bore_may_enter_where_a_cold_one_cannot() -> None:
         build_scene(tables)
     tables["wheel"]["temperature"] = 200.0
     build_scene(tables)
+
+
+def test_the_snippets_of_the_page_make_a_scene(tmp_path: Path) -> None:
+    """docs/your-own-wheel.md: its tables and its CSV, on the draft of a hub; it cools where it will stay."""
+    import tomllib
+
+    from macrofit.drafts.write import drawing
+
+    page = (Path(__file__).parents[3] / "docs" / "your-own-wheel.md").read_text()
+    blocks = page.split("```")[1::2]
+    tables = drawing("hub")
+    tables["motion"] = {}
+    for block in blocks:
+        if block.startswith("toml\n"):
+            for table, keys in tomllib.loads(block.removeprefix("toml\n")).items():
+                tables[table] |= keys
+    (csv,) = [block.lstrip("\n") for block in blocks if "z_mm;deviation_um" in block]
+    for name in ("seat.csv", "bore.csv"):
+        (tmp_path / name).write_text(csv)
+    scene = build_scene(tables, tmp_path)
+    assert len(scene.displacements) == 11
+    assert idle_keys(scene) == []
+    seat = deviation_of(scene, "axle")
+    assert seat is not None
+    assert seat.at(np.array([20.0])) == pytest.approx(3.4e-3)
