@@ -442,6 +442,7 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     from .results.foresight import foreseen
     from .results.summary import interference_line
     from .scene import idle_keys, load_scene
+    from .scene.deviation import deviation_of
 
     resolved = load_scene(scene, overrides)
     for line in idle_keys(resolved):
@@ -453,6 +454,12 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
         click.echo(f"Title           {printable(resolved.title)}")
     if resolved.interference is not None:
         click.echo(interference_line(resolved.interference))
+    for body in ("axle", "wheel"):
+        deviation = deviation_of(resolved, body)
+        if deviation is not None:
+            click.echo(f"{body.capitalize() + ' profile':<15} {deviation.taken}")
+    if resolved.thermal_strain:
+        click.echo(f"Heated wheel    its bore is wider by {resolved.thermal_strain:.4%} at the start")
     click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
     click.echo(f"First touch     {'none' if touch is None else f'at {touch:g} mm'}")
     click.echo(f"Friction        {resolved.friction.provider}")

@@ -117,22 +117,25 @@ def _of_folder(folder: Path, seat: Seat, reading: Reading, rules: Standard, whee
         )
     scene = load_scene(folder / SCENE)
     displacement, force = read_curve(folder)
-    verdict, reason = judge_scene(scene, displacement, force, _largest_stresses(folder / SUMMARY), rules, wheel)
+    largest, holds = _of_summary(folder / SUMMARY)
+    verdict, reason = judge_scene(scene, displacement, force, largest, rules, wheel, holds)
     if verdict is None:
         raise OutputError(f"{folder}: cannot be judged: {reason}")
     return f"{folder / CURVE}: {len(force)} increments", verdict
 
 
-def _largest_stresses(path: Path) -> dict[str, float]:
-    """Largest von Mises stress of each body [MPa]; none where the run did not end.
+def _of_summary(path: Path) -> tuple[dict[str, float], float | None]:
+    """Largest von Mises stress of each body [MPa] and the force that the fit holds [N]; none where the run did not end.
 
     Raises:
         OutputError: the file is damaged.
     """
     if not path.is_file():
-        return {}
+        return {}, None
     try:
         numbers: Any = msgspec.json.decode(read_regular(path, MOST_BYTES))
-        return {body: float(at["value"]) for body, at in numbers["max_von_mises_MPa"].items()}
+        held = numbers.get("holding")
+        holds = None if held is None else min(float(held["push_off_N"]), float(held["pull_off_N"]))
+        return {body: float(at["value"]) for body, at in numbers["max_von_mises_MPa"].items()}, holds
     except (msgspec.MsgspecError, ValueError, KeyError, TypeError, AttributeError):
         raise OutputError(f"{path}: is not a summary of macrofit; compute the run again") from None

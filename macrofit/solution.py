@@ -48,10 +48,25 @@ class Increment:
     dissipation: float  # N mm, by friction in this increment
     plastic_work: float = 0.0  # N mm, of both bodies in this increment
     plastic_strain: float = 0.0  # largest accumulated plastic strain so far
-    work: float = 0.0  # N mm, of the press in this increment
+    work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
+    torque: float = 0.0  # N mm, integral of 2 pi r^2 friction pressure ds: what friction carries around the axis
     wall_s: float
     facets: FacetState = field(repr=False)
+
+    @property
+    def push_off(self) -> float:
+        """Force [N] at which the wheel slides on in the direction of the insertion.
+
+        Integral of friction * pressure, and what the slope of the fit adds. The pressure is that of this state: what a
+        push would change in it (1 to 3 %, by Poisson's ratio) is left out.
+        """
+        return self.mean_friction * self.normal_force + (self.force - self.friction_force)
+
+    @property
+    def pull_off(self) -> float:
+        """Force [N] at which the wheel slides back off, see `push_off`; below 0 where it jumps off by itself."""
+        return self.mean_friction * self.normal_force - (self.force - self.friction_force)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ class State:
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see `contact.law`
+    thermal_strain: float  # of the wheel
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
     shear: FloatArray  # (facets, moments) tangential force on the seat [N]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
@@ -54,7 +55,9 @@ class State:
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction", "friction_force")}
+        scalars = {
+            name: float(arrays[name]) for name in ("displacement", "direction", "friction_force", "thermal_strain")
+        }
         own = {name: arrays[name] for name in State._named()}
         changes: dict[str, dict[str, FloatArray | IntArray]] = {}
         for name, values in arrays.items():
@@ -82,7 +85,23 @@ class Step:
     strain_energy: float
     dissipation: float
     slip_work: float  # what friction takes of the press beyond the mean of its force before and after [N mm]
+    torque: float = 0.0  # N mm, integral of friction * pressure * radius
+    heat: float = 0.0  # N mm, of the wheel's change of temperature
     settled: Settled | None = None
+
+
+def nothing_touches(accumulated_slip: FloatArray) -> FacetState:
+    """The facets of a seat that the wheel is nowhere near."""
+    zero = np.zeros(len(accumulated_slip))
+    return FacetState(
+        pressure=zero,
+        traction=zero,
+        gap=zero,
+        slip=zero,
+        accumulated_slip=accumulated_slip,
+        status=zero.astype(np.int64),
+        friction=zero,
+    )
 
 
 def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
@@ -107,7 +126,8 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work(before, steps),
+        work=_work(before, steps) + sum(step.heat for step in steps),
+        torque=last.torque,
         wall_s=wall_s,
         facets=last.facets,
     )

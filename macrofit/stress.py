@@ -82,6 +82,8 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
         return []
     asked = scene.output.fields_at
     numbers = {len(travels) - 1} if asked is None else {int(np.abs(np.array(travels) - u).argmin()) for u in asked}
+    cold = min(scene.motion.cooling, len(travels) - 1)  # of a wheel that cools in place, the fit when it is cold
+    numbers = {max(number, cold) for number in numbers}
     numbers |= {int(k) for k in np.linspace(0, len(travels) - 1, min(scene.output.frames, len(travels))).round()}
     return sorted(numbers)
 

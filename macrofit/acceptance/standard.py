@@ -108,6 +108,9 @@ class Standard(Keys, frozen=True):
     )
     safety_axle: Annotated[Limits, told("Yield stress over the largest von Mises stress of the axle [-].")] = NONE
     safety_wheel: Annotated[Limits, told("The same of the wheel [-].")] = NONE
+    proof: Annotated[
+        Limits, told("Axial force that holds a wheel that is shrunk on, over the low end of final_force [-].")
+    ] = NONE
     noise: Annotated[
         float, msgspec.Meta(ge=0.0, lt=0.1), told("Change over the peak below which it is noise [-].")
     ] = 0.005  # fmt: skip

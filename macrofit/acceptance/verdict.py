@@ -107,8 +107,9 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
         wheel: type of wheel that picks the window of the final force; None: the standard's own choice.
 
     Returns:
-        `refused` where a check fails; `undecided` where none does, but one is undecided or the final force cannot be
-        judged; `accepted` otherwise, which says nothing of checks that are not applicable.
+        `refused` where a check fails; `undecided` where none does, but one is undecided, or neither the final force nor
+        the proof of a shrunk wheel can be judged; `accepted` otherwise, which says nothing of checks that are not
+        applicable.
 
     Raises:
         StandardError: the standard does not know this type of wheel.
@@ -152,6 +153,7 @@ def _checks(fit: Fit, rules: Standard, wheel: str | None) -> Iterator[Check]:
         for each in curves:
             yield from each(fit, fit.curve, rules, wheel)
     yield from _safety(fit, rules)
+    yield from _proof(fit, rules, wheel)
     for demand in rules.elsewhere:
         note = f"not to be seen here: {demand.demand}"
         yield Check(
@@ -252,10 +254,29 @@ def _safety(fit: Fit, rules: Standard) -> Iterator[Check]:
         yield _held(f"safety_{body}", limits, bound / stress if bound is not None and stress > 0.0 else None, why=why)
 
 
+def _proof(fit: Fit, rules: Standard, wheel: str | None) -> Iterator[Check]:
+    """What holds a wheel that is shrunk on, over the smallest force with which it might be pressed on.
+
+    The loads of a proof change slowly and friction does not know the time: one push and three are the same. A wheel
+    that is pressed on is proved by its curve; what holds it is then told over its last force.
+    """
+    load = rules.window(wheel)[1].scaled(fit.diameter).low
+    ratio, why = rules.length_over_diameter, ""
+    if fit.holds is None:
+        why = f"not to be seen in a curve: {rules.proof.source}" if rules.proof.stated else ""
+    elif not fit.shrunk:
+        load = None if fit.curve is None else fit.curve.final.value
+        why = "for wheels that are shrunk on; of one that is pressed on: what holds it over its last force"
+    elif not ratio.hold(fit.length / fit.diameter):
+        why = "the window of the force is not for such a length over the diameter"
+    value = fit.holds / load if fit.holds is not None and load else None
+    yield _held("proof", rules.proof, value, why=why)
+
+
 def _word(checks: tuple[Check, ...]) -> Word:
     if any(check.result == "fail" for check in checks):
         return "refused"
-    judged = any(check.name == "final_force" and check.result == "pass" for check in checks)
+    judged = any(check.name in ("final_force", "proof") and check.result == "pass" for check in checks)
     judged = judged and all(check.result != "undecided" for check in checks)
     return "accepted" if judged else "undecided"
 

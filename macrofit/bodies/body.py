@@ -8,7 +8,7 @@ adjacent cells, which the traction of the bulk stress depends on.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,7 @@ from .approach import Side, beside_line
 from .elasticity import weak_form
 from .fenics import Discretisation, discretise
 from .gauss import GaussPoints
-from .geometry import Generatrix, Sizes, draw_body, polyline
+from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
 from .mesh import MeshData, mesh_drawing, read_mesh
 from .triangles import ordered_line
 
@@ -123,6 +123,7 @@ class Body:
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
+        self.line = replace(self.line, generatrix=with_profile(self.line.generatrix, scene, which))
         self.supported = np.zeros((len(self.space.nodes), 2), dtype=bool)
         for name, component in SUPPORTS:
             if name in self.space.edges:

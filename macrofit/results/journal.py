@@ -25,7 +25,8 @@ from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
 VERSION = 5
-"""Version of the frames and of what is in them; 3 had increments without plastic work, 2 frames of another form."""
+"""Version of the frames and of what is in them; 4 had no thermal strain, torque and shear, 3 increments without
+plastic work, 2 frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -153,8 +154,9 @@ def file_digest(file: str) -> str:
 
 
 def named_files(scene: Scene) -> dict[str, str]:
-    """The files that a scene names and that are there, by their keys: meshes, and files in friction options."""
+    """The files that a scene names and that are there, by their keys: meshes, profiles, files in friction options."""
     named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
+    named |= {f"{key}.profile": getattr(getattr(scene, key), "profile", None) for key in ("axle", "wheel")}
     named |= _flat(scene.friction.options, "friction.options")
     return {key: value for key, value in named.items() if isinstance(value, str) and os.path.isfile(value)}
 

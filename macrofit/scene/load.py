@@ -61,9 +61,10 @@ def _drop_options(raw: Mapping[str, Any], provider: Any) -> None:
 
 
 def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
-    """Decode and check the tables of a scene; mesh files and tables of friction are looked for beside ``folder``."""
+    """Decode and check the tables of a scene; the files that it names are looked for beside ``folder``."""
     tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in raw.items()}
     _name_shapes(tables, folder)
+    _place_profiles(tables, folder or Path())
     if isinstance(tables.get("friction"), dict):
         tables["friction"] = _place_tables(tables["friction"], "provider", folder or Path())
     try:
@@ -120,6 +121,14 @@ def _name_shapes(tables: dict[str, Any], folder: Path | None) -> None:
             if file is not None and tables[body].get("shape", "mesh") != "mesh":
                 raise SceneError(f"{body}.shape: not used where mesh.{body} gives a file; leave one of them out")
             tables[body].setdefault("shape", default if file is None else "mesh")
+
+
+def _place_profiles(tables: Mapping[str, Any], folder: Path) -> None:
+    """Make the paths of measured profiles absolute."""
+    for body in ("axle", "wheel"):
+        keys = tables.get(body)
+        if isinstance(keys, dict) and isinstance(keys.get("profile"), str):
+            keys["profile"] = str((folder / keys["profile"]).resolve())
 
 
 def _place_tables(friction: Mapping[str, Any], named: str, folder: Path) -> dict[str, Any]:

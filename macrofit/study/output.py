@@ -146,7 +146,7 @@ def _row(plan: Plan, run: PlannedRun, record: RunRecord, verdict: Verdict | None
 def _verdict(plan: Plan, run: PlannedRun, record: RunRecord) -> Verdict | None:
     """The same verdict that the run's own summary.json has."""
     largest = {body: at.value for body, at in record.max_von_mises.items()}
-    return judge_scene(run.scene, record.displacement, record.force, largest, plan.standard)[0]
+    return judge_scene(run.scene, record.displacement, record.force, largest, plan.standard, holds=record.holds)[0]
 
 
 def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str, Any]:

@@ -142,6 +142,9 @@ ALONE = {
         fit(ramp(), von_mises={"wheel": 290.0}, yield_stress={"wheel": 350.0}),
         {},
     ),
+    "a shrunk wheel that slides": (  # 1.2 of 3.4 kN per mm of the diameter of 190
+        "proof", fit(ramp(), shrunk=True, holds=774e3), fit(ramp(), shrunk=True, holds=776e3), {},
+    ),
 }  # fmt: skip
 
 
@@ -558,3 +561,62 @@ def test_a_curve_of_two_points_has_its_numbers():
     curve = Curve(np.array([0.0, 10.0]), np.array([0.0, 5e4]))
     assert (curve.length, curve.bulge(), curve.dips(0.005)) == (10.0, 0.0, [])
     assert np.isfinite([curve.start_jump().value, curve.step().value, curve.without_rise(0.005).value]).all()
+
+
+def shrunk_hub(coefficient: float, *overrides: str):
+    """The hub of the drafts, shrunk on hot, cooled, and pulled at the end."""
+    from small import solved
+
+    from macrofit.drafts.write import drawing
+    from macrofit.scene import build_scene
+
+    tables = drawing("hub")
+    tables["wheel"] |= {"bore_radius": 95.03, "temperature": 220.0}  # 0.24 mm on the diameter
+    tables["motion"] = {"displacements": [190.0, 189.9, 185.0], "cooling": 4}
+    tables["friction"]["options"]["coefficient"] = coefficient
+    tables["mesh"] = {"seat_facet": 5.0, "coarse": 30.0}
+    tables["output"] = {"stress": False, "fields_at": []}
+    return solved(build_scene(tables))
+
+
+def test_a_shrunk_wheel_is_proved_by_what_it_holds():
+    """1.2 times the low end of the window, 3.4 kN per mm of 190.3 mm; of the cold fit, not of the one pulled off."""
+    from macrofit.acceptance import verdict
+    from macrofit.acceptance.run import holding
+
+    for coefficient, word, result in ((0.2, "accepted", "pass"), (0.05, "refused", "fail")):
+        solution = shrunk_hub(coefficient)
+        numbers, (judged, _) = holding(solution), verdict(solution)
+        assert numbers["displacement_mm"] == 190.0
+        check = judged.check("proof")
+        assert check.value == pytest.approx(min(numbers["push_off_N"], numbers["pull_off_N"]) / (3400.0 * 190.3))
+        assert (judged.word, check.result, check.low) == (word, result, 1.2)
+        assert judged.check("curve").result == "not applicable"
+
+
+def test_a_wheel_that_is_pressed_on_is_not_held_to_the_proof():
+    """What holds it is told over its last force, and refuses nothing."""
+    check = judge(fit(ramp(), holds=0.98 * FINAL)).check("proof")
+    assert (check.result, check.value) == ("not applicable", pytest.approx(0.98))
+    assert "pressed on" in check.note
+    assert "three pushes" in judge(fit(ramp())).check("proof").note
+
+
+def test_the_folder_of_a_run_gives_the_same_proof(tmp_path):
+    from macrofit.results.folder import CurveFile, write_scene
+    from macrofit.run import write_results
+
+    solution = shrunk_hub(0.2)
+    write_scene(tmp_path, solution.scene)
+    CurveFile(tmp_path, list(solution.increments))
+    write_results(tmp_path, solution)
+    from macrofit.identify.measured import Reading
+    from macrofit.judge import Seat, carry_out_judgement
+
+    target = tmp_path / "verdict.json"
+    _, code = carry_out_judgement(tmp_path, Seat(), reading=Reading(), target=target)
+    assert code == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert json.loads(target.read_text())["checks"] == summary["verdict"]["checks"]
+    assert summary["holding"]["torque_N_mm"] > 0.0
+    assert summary["heat"] == {"wheel_temperature_K": 220.0, "thermal_strain": 220.0 * 1.15e-5, "cooling_increments": 4}
