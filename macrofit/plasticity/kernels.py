@@ -117,4 +117,99 @@ def follow(path, strain, accumulated, back, radius, strains, gains, moduli, reca
                     back[point, i, c] = back[point, i, c] * fade[i] + moduli[i] * grown * normal
 
 
+@njit(cache=True)
+def overshoots(trial, accumulated, back, radius, strains, gains):
+    """|s - X| - R [MPa] of trial stresses (n, 4)."""
+    out, relative = np.empty(len(trial)), np.empty(4)
+    for point in range(len(trial)):
+        mean = (trial[point, 0] + trial[point, 1] + trial[point, 2]) / 3.0
+        for c in range(4):
+            relative[c] = trial[point, c] if c == 3 else trial[point, c] - mean
+            for i in range(back.shape[1]):
+                relative[c] -= back[point, i, c]
+        out[point] = equivalent(relative) - yield_radius(accumulated[point], radius, strains, gains)[0]
+    return out
+
+
+@njit(cache=True)
+def strains_at(operators, unknowns, displacement):
+    """B u (n, 4) of operators B (n, 4, b) on some unknowns (n, b) each."""
+    out = np.empty((len(operators), 4))
+    own = np.empty(operators.shape[2])
+    for point in range(len(operators)):
+        for j in range(len(own)):
+            own[j] = displacement[unknowns[point, j]]
+        for c in range(4):
+            total = 0.0
+            for j in range(len(own)):
+                total += operators[point, c, j] * own[j]
+            out[point, c] = total
+    return out
+
+
+@njit(cache=True)
+def loads_of(operators, unknowns, stress, size):
+    """Sum of B' s (size,) of stresses s (n, 4), times what the points weigh."""
+    out = np.zeros(size)
+    for point in range(len(operators)):
+        for j in range(operators.shape[2]):
+            total = 0.0
+            for c in range(4):
+                total += operators[point, c, j] * stress[point, c]
+            out[unknowns[point, j]] += total
+    return out
+
+
+@njit(cache=True)
+def reached_from(rows, own, parent):
+    """Which supernodes (k,) are those of some rows or above one of them, by the supernode of each row."""
+    out = np.zeros(len(parent), dtype=np.bool_)
+    for row in rows:
+        k = own[row]
+        while k >= 0 and not out[k]:
+            out[k] = True
+            k = parent[k]
+    return out
+
+
+@njit(cache=True)
+def forward(part, first, begin, place, rows, values, y):
+    """L^-1 y in place, on some supernodes in ascending order; y must vanish below all others."""
+    work = np.empty(len(y))
+    for k in part:
+        column, wide, high = first[k], first[k + 1] - first[k], begin[k + 1] - begin[k]
+        own, below = y[column : column + wide], rows[begin[k] + wide : begin[k + 1]]
+        work[:wide] = own
+        work[wide:high] = 0.0
+        for j in range(wide):
+            at = place[k] + j * high
+            share = work[j] / values[at + j]
+            own[j] = share
+            column_of, left = values[at + j + 1 : at + high], work[j + 1 : high]
+            for i in range(len(left)):
+                left[i] -= column_of[i] * share
+        left = work[wide:high]
+        for i in range(len(below)):
+            y[below[i]] += left[i]
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def backward(part, first, begin, place, rows, values, y):
+    """L'^-1 y in place, on some supernodes in ascending order and all that are above them."""
+    work = np.empty(len(y))
+    for q in range(len(part) - 1, -1, -1):
+        k = part[q]
+        column, wide, high = first[k], first[k + 1] - first[k], begin[k + 1] - begin[k]
+        own, below = y[column : column + wide], rows[begin[k] + wide : begin[k + 1]]
+        known = work[wide:high]
+        for i in range(len(below)):
+            known[i] = y[below[i]]
+        for j in range(wide - 1, -1, -1):
+            at, total = place[k] + j * high, 0.0
+            column_of, known = values[at + j + 1 : at + high], work[j + 1 : high]
+            for i in range(len(known)):
+                total += column_of[i] * known[i]
+            own[j] = work[j] = (own[j] - total) / values[at + j]
+
+
 check_compiled(follow)

@@ -23,7 +23,7 @@ from ..base.arrays import FloatArray
 from ..contact.eigen import Eigen
 from ..parallel import owner
 from .anderson import Anderson
-from .body import BodyFlow, BodyStep, Changes, PlasticBody, changed
+from .body import BodyFlow, BodyStep, Changes, Ended, PlasticBody, changed
 
 TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
@@ -70,7 +70,9 @@ class Yielding:
 
     def increment(self, before: Flow, after: Flow, moved: float) -> tuple[Flow, dict[str, Changes]]:
         """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks."""
-        flow = {name: BodyFlow.between(before[name].state, after[name].state, moved) for name in self.bodies}
+        flow = {
+            name: BodyFlow.between(before[name].state, after[name].state, moved, after[name].ended) for name in self.bodies
+        }
         return flow, self._shared({name: body.changes() for name, body in flow.items()})
 
     def restored(self, changes: list[dict[str, Changes]], moved: float) -> Flow:
@@ -95,46 +97,38 @@ class Yielding:
         old = dict(zip(("axle", "wheel"), loads, strict=True))
         steps = {name: BodyStep(body, before[name], moved, old[name]) for name, body in self.bodies.items()}
         accelerated = Anderson(partial(self._dot, steps))
-        converged = False
         for iteration in range(1, LIMIT + 1):
             own = {name: step.displace() for name, step in steps.items()}
             eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
             both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
-            u = {name: own[name] + body.displace(both[name]) for name, body in self.bodies.items()}
+            for name, step in steps.items():
+                step.press(both[name])
             if iteration == 1:
-                self._widened(steps, u)
-            reached = {name: step.flowed(u[name]) for name, step in steps.items()}
+                self._widened(steps)
+            reached = {name: step.flowed() for name, step in steps.items()}
             left, gained, whole = self._norms(steps, reached)
             if left <= max(TOLERANCE * gained, ROUNDING * whole):
-                if not self._widened(steps, u):
-                    converged = True
-                    break
+                ended = {name: step.ended(both[name]) for name, step in steps.items()}
+                if not self._widened(steps, ended):
+                    return self._settled(steps, ended, eigen, iteration)
                 accelerated = Anderson(partial(self._dot, steps))
                 continue
             x = {name: step.x for name, step in steps.items()}
             _divide(steps, accelerated.next(_joined(steps, x), _joined(steps, reached)))
-        if not converged:
-            return Settled(
-                flow=before, eigen=eigen, energy=0.0, work=0.0, largest=0.0, iterations=iteration, converged=False
-            )
-        return self._settled(steps, u, eigen, iteration)
+        return Settled(flow=before, eigen=eigen, energy=0.0, work=0.0, largest=0.0, iterations=LIMIT, converged=False)
 
-    def _widened(self, steps: dict[str, BodyStep], displacement: dict[str, FloatArray]) -> bool:
+    def _widened(self, steps: dict[str, BodyStep], ended: dict[str, Ended] | None = None) -> bool:
         """Whether any body has to watch more points."""
-        missed = self._shared({name: step.widened(displacement[name]) for name, step in steps.items()})
+        missed = self._shared({name: step.widened(None if ended is None else ended[name]) for name, step in steps.items()})
         return any(missed[name] for name in self.names)
 
     def _settled(
-        self,
-        steps: dict[str, BodyStep],
-        displacement: dict[str, FloatArray],
-        eigen: dict[str, Eigen],
-        iteration: int,
+        self, steps: dict[str, BodyStep], ended: dict[str, Ended], eigen: dict[str, Eigen], iteration: int
     ) -> Settled:
         """What is left at the end, and what it took in work and energy."""
         after, numbers = {}, {}
         for name, step in steps.items():
-            after[name], numbers[name] = step.finished(displacement[name])
+            after[name], numbers[name] = step.finished(ended[name])
         shared = self._shared(numbers)
         energy, work, largest = (np.array([shared[name][k] for name in self.names]) for k in range(3))
         return Settled(
