@@ -100,7 +100,8 @@ class PlasticBody:
         self.scale = np.sqrt(self.weight[:, None] * np.array([1.0, 1.0, 1.0, 0.5]))
         self.moduli = stiffness_moduli(body.material)
         self.shear_modulus = body.material.shear_modulus
-        self.strains = Strains(operators=gauss.strain, unknowns=unknowns_of(body.space, gauss.cell))
+        every = np.arange(self.count)
+        self.strains = Strains(operators=gauss.strain, unknowns=unknowns_of(body.space, gauss.cell), points=every)
         self._held = np.flatnonzero(body.supported.ravel())
         self._last_carried: tuple[float, sp.csr_matrix] | None = None
 
@@ -184,13 +185,9 @@ class PlasticBody:
         points = np.flatnonzero(plastic.any(axis=1))
         return self.load_at(points, plastic[points])
 
-    def load_at(self, points: IntArray, plastic: FloatArray, strains: Strains | None = None) -> FloatArray:
-        """f_p (dofs,) [N] of plastic strains (m, 4) of some points, whose operators may be at hand."""
-        from .kernels import loads_of
-
-        at = self.strains.at(points) if strains is None else strains
-        stress = self.weight[points, None] * (plastic @ self.moduli)
-        return np.asarray(loads_of(at.operators, at.unknowns, stress, self.body.dofs))
+    def load_at(self, points: IntArray, plastic: FloatArray) -> FloatArray:
+        """f_p (dofs,) [N] of plastic strains (m, 4) of some points."""
+        return self.strains.at(points).load(self.weight[points, None] * (plastic @ self.moduli), self.body.dofs)
 
     def stress(self, displacement: FloatArray, plastic: FloatArray) -> FloatArray:
         """D (B u - eps_p) (points, 4) [MPa]."""
@@ -263,7 +260,7 @@ class BodyStep:
         self._path: Path | None = None
         self.points = np.flatnonzero(self._chosen)
         self._strains = body.strains.at(self.points)
-        self._inner_part = body.kept.reached(self._strains.unknowns.ravel())
+        self._inner_part = body.kept.reached(self._strains.reach)
         self._zone_part = self._inner_part
         self._part = self.before.at(self.points)
         self.scale = body.scale[self.points]
@@ -276,7 +273,7 @@ class BodyStep:
         if not self._flowed_before and not len(self.points):
             self._y = np.zeros(body.body.dofs)
             return np.zeros(len(body.body.trace_dofs))
-        load = body.load_at(self.points, self.x - self._part.strain, self._strains)
+        load = body.load_at(self.points, self.x - self._part.strain)
         self._y = body.forward(load, self._inner_part)
         return self._start.own + body.kept.backward(self._y, body.line_part)[body.body.trace_dofs]
 
@@ -307,8 +304,8 @@ class BodyStep:
         if self._path is None and self._parts > 1:
             way = self._moved if body.body.which == "axle" else -self._moved
             self._path = Path(body.along, self.points, self._start.displacement, way, self._parts)
-            unknowns = np.concatenate([self._strains.unknowns, self._path.after.unknowns])
-            self._zone_part = body.kept.reached(unknowns.ravel())
+            reach = np.concatenate([self._strains.reach, *(each.reach for each in self._path.after)])
+            self._zone_part = body.kept.reached(reach)
             self._path.choose(self._strains.of(self._displacement(self._zone_part)))
         u = self._displacement(self._zone_part)
         after = self._strains.of(u)

@@ -132,31 +132,31 @@ def overshoots(trial, accumulated, back, radius, strains, gains):
 
 
 @njit(cache=True)
-def strains_at(operators, unknowns, displacement):
-    """B u (n, 4) of operators B (n, 4, b) on some unknowns (n, b) each."""
-    out = np.empty((len(operators), 4))
+def strains_at(points, operators, unknowns, displacement):
+    """B u (m, 4) at some points, of operators B (n, 4, b) on some unknowns (n, b) each."""
+    out = np.empty((len(points), 4))
     own = np.empty(operators.shape[2])
-    for point in range(len(operators)):
+    for k in range(len(points)):
+        point = points[k]
         for j in range(len(own)):
             own[j] = displacement[unknowns[point, j]]
         for c in range(4):
             total = 0.0
             for j in range(len(own)):
                 total += operators[point, c, j] * own[j]
-            out[point, c] = total
+            out[k, c] = total
     return out
 
 
 @njit(cache=True)
-def loads_of(operators, unknowns, stress, size):
-    """Sum of B' s (size,) of stresses s (n, 4), times what the points weigh."""
+def loads_of(points, operators, unknowns, stress, size):
+    """Sum of B' s (size,) of stresses s (m, 4) at some points, times what the points weigh."""
     out = np.zeros(size)
-    for point in range(len(operators)):
+    for k in range(len(points)):
+        point, rr, zz, tt, rz = points[k], stress[k, 0], stress[k, 1], stress[k, 2], stress[k, 3]
         for j in range(operators.shape[2]):
-            total = 0.0
-            for c in range(4):
-                total += operators[point, c, j] * stress[point, c]
-            out[unknowns[point, j]] += total
+            b = operators[point, :, j]
+            out[unknowns[point, j]] += b[0] * rr + b[1] * zz + b[2] * tt + b[3] * rz
     return out
 
 
@@ -195,21 +195,55 @@ def forward(part, first, begin, place, rows, values, y):
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def backward(part, first, begin, place, rows, values, y):
-    """L'^-1 y in place, on some supernodes in ascending order and all that are above them."""
-    work = np.empty(len(y))
+    """L'^-1 y in place, on some supernodes in ascending order and all that are above them; four columns at a time."""
+    work, sums = np.empty(len(y)), np.empty(len(y))
     for q in range(len(part) - 1, -1, -1):
         k = part[q]
-        column, wide, high = first[k], first[k + 1] - first[k], begin[k + 1] - begin[k]
-        own, below = y[column : column + wide], rows[begin[k] + wide : begin[k + 1]]
-        known = work[wide:high]
+        wide, high, start = first[k + 1] - first[k], begin[k + 1] - begin[k], place[k]
+        own, below = y[first[k] : first[k + 1]], rows[begin[k] + wide : begin[k + 1]]
+        known = work[: len(below)]
         for i in range(len(below)):
             known[i] = y[below[i]]
+        fours = wide - wide % 4
+        for j in range(fours, wide):
+            at = start + j * high + wide
+            sums[j] = product(values[at : at + len(below)], known)
+        for j in range(0, fours, 4):
+            a = start + j * high + wide
+            b, c, d = a + high, a + 2 * high, a + 3 * high
+            sums[j], sums[j + 1], sums[j + 2], sums[j + 3] = four_products(
+                values[a : a + len(below)],
+                values[b : b + len(below)],
+                values[c : c + len(below)],
+                values[d : d + len(below)],
+                known,
+            )
         for j in range(wide - 1, -1, -1):
-            at, total = place[k] + j * high, 0.0
-            column_of, known = values[at + j + 1 : at + high], work[j + 1 : high]
-            for i in range(len(known)):
-                total += column_of[i] * known[i]
-            own[j] = work[j] = (own[j] - total) / values[at + j]
+            at, total = start + j * high, sums[j]
+            for i in range(j + 1, wide):
+                total += values[at + i] * own[i]
+            own[j] = (own[j] - total) / values[at + j]
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def product(a, x):
+    """a . x."""
+    total = 0.0
+    for i in range(len(x)):
+        total += a[i] * x[i]
+    return total
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def four_products(a, b, c, d, x):
+    """The products of four vectors with x."""
+    of_a, of_b, of_c, of_d = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(x)):
+        of_a += a[i] * x[i]
+        of_b += b[i] * x[i]
+        of_c += c[i] * x[i]
+        of_d += d[i] * x[i]
+    return of_a, of_b, of_c, of_d
 
 
 check_compiled(follow)

@@ -36,20 +36,33 @@ CHUNK = 48
 
 @dataclass(frozen=True, kw_only=True)
 class Strains:
-    """Strain operators at m points: B (m, 4, b) on the unknowns (m, b) of the cell that each lies in."""
+    """Strain operators at m of n points: B (n, 4, b) on the unknowns (n, b) of the cell that each lies in."""
 
     operators: FloatArray
     unknowns: IntArray
+    points: IntArray
+    """Numbers of the m points."""
 
     def of(self, displacement: FloatArray) -> FloatArray:
         """Strains (m, 4) of a displacement (dofs,) [mm]."""
         from .kernels import strains_at
 
-        return np.asarray(strains_at(self.operators, self.unknowns, displacement))
+        return np.asarray(strains_at(self.points, self.operators, self.unknowns, displacement))
+
+    def load(self, stress: FloatArray, dofs: int) -> FloatArray:
+        """Sum of B' s (dofs,) [N] of stresses s (m, 4) times the volume of each point [MPa mm3]."""
+        from .kernels import loads_of
+
+        return np.asarray(loads_of(self.points, self.operators, self.unknowns, stress, dofs))
+
+    @property
+    def reach(self) -> IntArray:
+        """The unknowns of all m points, many of them more than once."""
+        return self.unknowns[self.points].ravel()
 
     def at(self, points: IntArray) -> Strains:
-        """Those of some of the points."""
-        return Strains(operators=self.operators[points], unknowns=self.unknowns[points])
+        """Those of other points."""
+        return Strains(operators=self.operators, unknowns=self.unknowns, points=points)
 
 
 def unknowns_of(space: Discretisation, cells: IntArray) -> IntArray:
@@ -87,7 +100,7 @@ class StrainAlong:
         for chunk in chunks[~shifted.known[chunks]]:
             self._locate(shifted, shift, slice(chunk * CHUNK, (chunk + 1) * CHUNK))
             shifted.known[chunk] = True
-        found = Strains(operators=shifted.operators[points], unknowns=shifted.unknowns[points])
+        found = Strains(operators=shifted.operators, unknowns=shifted.unknowns, points=points)
         return found, shifted.inside[points]
 
     def _locate(self, shifted: _Shifted, shift: float, part: slice) -> None:
@@ -131,11 +144,7 @@ class Path:
         self._here, self._whole = shifted(0.0).of(before), shifted(-carried).of(before)
         shares = self.shares.ravel()
         self._before = np.stack([shifted(-share * carried).of(before) for share in shares])
-        after = [shifted((1.0 - share) * carried) for share in shares]
-        self.after = Strains(
-            operators=np.concatenate([each.operators for each in after]),
-            unknowns=np.concatenate([each.unknowns for each in after]),
-        )
+        self.after = [shifted((1.0 - share) * carried) for share in shares]
         self._stays = ~self._inside
 
     def choose(self, after: FloatArray) -> None:
@@ -146,6 +155,6 @@ class Path:
     def strains(self, displacement: FloatArray, after: FloatArray) -> FloatArray:
         """The strains (parts - 1, m, 4) at the end of each sub-step but the last."""
         straight = (1.0 - self.shares) * self._here + self.shares * after
-        there = self.after.of(displacement).reshape(self._before.shape)
+        there = np.stack([each.of(displacement) for each in self.after])
         carried = (1.0 - self.shares) * self._before + self.shares * there
         return np.where(self._stays[:, None], straight, carried)

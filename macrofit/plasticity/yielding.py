@@ -28,6 +28,9 @@ from .body import BodyFlow, BodyStep, Changes, Ended, PlasticBody, changed
 TOLERANCE = 1e-3
 """Change of the step's plastic strain that is left, relative to it, in the root of the sum of squares over volume."""
 
+ROUGH = 1e-2
+"""What the contact may leave, relative to its traction, in units of `TOLERANCE`; at the end it leaves nothing."""
+
 ROUNDING = 1e-12
 """Change that is none, relative to the plastic strain of the points so far: where nothing flows, rounding is left."""
 
@@ -85,14 +88,15 @@ class Yielding:
             out[name] = BodyFlow.between(before, state, moved)
         return out
 
-    def settle(self, before: Flow, moved: float, loads: Loads, contact: Callable[[dict[str, Eigen]], Loads]) -> Settled:
+    def settle(self, before: Flow, moved: float, loads: Loads, contact: Callable[[dict[str, Eigen], float], Loads]) -> Settled:
         """Plastic strains and contact that fit each other. Collective.
 
         Args:
             before: the flow before the step.
             moved: travel of the wheel in the step [mm].
             loads: of the contact before the step.
-            contact: solves the contact for what the plastic strains do to it, and gives its loads.
+            contact: solves the contact for what the plastic strains do to it, as roughly as is said, and gives its
+                loads.
         """
         old = dict(zip(("axle", "wheel"), loads, strict=True))
         steps = {name: BodyStep(body, before[name], moved, old[name]) for name, body in self.bodies.items()}
@@ -100,7 +104,8 @@ class Yielding:
         for iteration in range(1, LIMIT + 1):
             own = {name: step.displace() for name, step in steps.items()}
             eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
-            both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
+            rough = ROUGH * TOLERANCE if any(each.displacement.any() for each in eigen.values()) else 0.0
+            both = dict(zip(("axle", "wheel"), contact(eigen, rough), strict=True))
             for name, step in steps.items():
                 step.press(both[name])
             if iteration == 1:
@@ -108,6 +113,8 @@ class Yielding:
             reached = {name: step.flowed() for name, step in steps.items()}
             left, gained, whole = self._norms(steps, reached)
             if left <= max(TOLERANCE * gained, ROUNDING * whole):
+                if rough:
+                    both = dict(zip(("axle", "wheel"), contact(eigen, 0.0), strict=True))
                 ended = {name: step.ended(both[name]) for name, step in steps.items()}
                 if not self._widened(steps, ended):
                     return self._settled(steps, ended, eigen, iteration)
