@@ -102,7 +102,7 @@ class PlasticBody:
         self.shear_modulus = body.material.shear_modulus
         every = np.arange(self.count)
         self.strains = Strains(operators=gauss.strain, unknowns=unknowns_of(body.space, gauss.cell), points=every)
-        self._held = np.flatnonzero(body.supported.ravel())
+        self._held, self.trace = np.flatnonzero(body.supported.ravel()), body.trace_dofs
         self._last_carried: tuple[float, sp.csr_matrix] | None = None
 
     def rest(self) -> BodyFlow:
@@ -123,7 +123,7 @@ class PlasticBody:
     @cached_property
     def line_part(self) -> IntArray:
         """What displacements of the contact line need of the factor."""
-        return self.kept.reached(self.body.trace_dofs)
+        return self.kept.reached(self.trace)
 
     def forward(self, load: FloatArray, part: IntArray | None = None) -> FloatArray:
         """The first half of a solution, see `Substitution`, for a load (dofs,) [N]; on supports it does nothing."""
@@ -134,17 +134,17 @@ class PlasticBody:
     def contact_load(self, loads: FloatArray) -> FloatArray:
         """Nodal loads (dofs,) [N] of those of the contact (2 loaded nodes,)."""
         out = np.zeros(self.body.dofs)
-        out[self.body.trace_dofs.reshape(2, -1)[:, : len(loads) // 2].ravel()] = loads
+        out[self.trace.reshape(2, -1)[:, : len(loads) // 2].ravel()] = loads
         return out
 
     def ended(self, state: PointState, loads: FloatArray) -> Ended:
         """What a state and the loads (2 loaded nodes,) of the contact lead to."""
-        load, own = np.zeros(self.body.dofs), np.zeros(len(self.body.trace_dofs))
+        load, own = np.zeros(self.body.dofs), np.zeros(len(self.trace))
         y = np.zeros(self.body.dofs)
         if state.accumulated.any():
             load = self.load(state.strain)
             y = self.forward(load.copy())
-            own = self.kept.backward(y, self.line_part)[self.body.trace_dofs]
+            own = self.kept.backward(y, self.line_part)[self.trace]
         y += self.forward(self.contact_load(loads))
         return Ended(displacement=self.kept.backward(y, self.kept.everything), own=own, load=load)
 
@@ -272,10 +272,10 @@ class BodyStep:
         body = self.body
         if not self._flowed_before and not len(self.points):
             self._y = np.zeros(body.body.dofs)
-            return np.zeros(len(body.body.trace_dofs))
+            return np.zeros(len(body.trace))
         load = body.load_at(self.points, self.x - self._part.strain)
         self._y = body.forward(load, self._inner_part)
-        return self._start.own + body.kept.backward(self._y, body.line_part)[body.body.trace_dofs]
+        return self._start.own + body.kept.backward(self._y, body.line_part)[body.trace]
 
     def eigen(self, displacement: FloatArray) -> Eigen:
         """What the plastic strains x and their displacement u_p at the trace nodes do at the contact line."""
@@ -318,7 +318,7 @@ class BodyStep:
         return self._start.displacement + self.body.kept.backward(self._y, part)
 
     def widened(self, ended: Ended | None = None) -> int:
-        """How many points that were left out flow under these loads; they and what is near are taken in."""
+        """How many points that were left out flow, now or at an end; they and what is near are taken in."""
         body = self.body
         u = self._displacement(body.kept.everything) if ended is None else ended.displacement
         over = overshoot(body.stress(u, self.before.strain), self.before, body.law)

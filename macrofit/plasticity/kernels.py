@@ -131,7 +131,7 @@ def overshoots(trial, accumulated, back, radius, strains, gains):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def strains_at(points, operators, unknowns, displacement):
     """B u (m, 4) at some points, of operators B (n, 4, b) on some unknowns (n, b) each."""
     out = np.empty((len(points), 4))
@@ -148,7 +148,7 @@ def strains_at(points, operators, unknowns, displacement):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def loads_of(points, operators, unknowns, stress, size):
     """Sum of B' s (size,) of stresses s (m, 4) at some points, times what the points weigh."""
     out = np.zeros(size)

@@ -30,7 +30,7 @@ KEPT = 32
 OUTSIDE = 0.2
 """How far, in barycentric coordinates, a point may lie beyond the nearest cell and be evaluated there."""
 
-CHUNK = 48
+CHUNK = 96
 """Points that are located together: always the same ones, for the last bits of an operator depend on its neighbours."""
 
 
@@ -68,7 +68,8 @@ class Strains:
 def unknowns_of(space: Discretisation, cells: IntArray) -> IntArray:
     """The unknowns (n, b) of cells (n,): node 0 r, node 0 z, node 1 r and so on."""
     nodes = space.cells[cells]
-    return np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1).astype(np.int64)
+    unknowns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1)
+    return np.asarray(unknowns, dtype=np.int64)
 
 
 class _Shifted:
@@ -86,6 +87,8 @@ class StrainAlong:
     def __init__(self, space: Discretisation, places: FloatArray) -> None:
         self.space, self.places = space, places
         self._corners = space.nodes[space.cells[:, :3]]
+        sides = [self._corners[:, k] - self._corners[:, 0] for k in (1, 2)]
+        self._inverse = np.linalg.inv(np.stack(sides, axis=2))
         self._tree = cKDTree(self._corners.mean(axis=1))
         self._known: dict[float, _Shifted] = {}
 
@@ -111,9 +114,7 @@ class StrainAlong:
     def _located(self, places: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
         """For each place its cell, the point on the reference triangle, and whether it is in the cell or near it."""
         _, near = self._tree.query(places, k=min(CANDIDATES, len(self._corners)))
-        corners = self._corners[near]
-        sides = np.stack([corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]], axis=3)
-        reference = np.linalg.solve(sides, (places[:, None] - corners[:, :, 0])[..., None])[..., 0]
+        reference = np.einsum("pcij,pcj->pci", self._inverse[near], places[:, None] - self._corners[near, 0])
         least = np.minimum(reference.min(axis=2), 1.0 - reference.sum(axis=2))
         best = least.argmax(axis=1)
         row = np.arange(len(places))
