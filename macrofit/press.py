@@ -255,11 +255,11 @@ class Press:
         undeformed = problem.contact
         reports: list[Report] = []
 
-        def contact(eigen: dict[str, Eigen], rough: float) -> Loads:
+        def contact(eigen: dict[str, Eigen]) -> Loads:
             """Solve for what the plastic strains do, from the status before."""
             problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
             start = (reports[-1].status, reports[-1].answer.kappa) if reports else (status, kappa)
-            reports.append(newton(problem, friction, *start, rough=rough))
+            reports.append(newton(problem, friction, *start))
             return problem.contact.loads(reports[-1].answer.total)
 
         settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
@@ -448,7 +448,7 @@ class Press:
         settled = None
         if self.yielding is not None and state.flow is not None:
             loads, none = (state.seat_load, state.bore_load), (rest.seat_load, rest.bore_load)
-            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda *_: none)
+            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
             seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
             after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
         zero = np.zeros(self.seat.line.facets)

@@ -56,15 +56,7 @@ class Report:
     converged: bool
 
 
-def newton(
-    problem: LinearProblem,
-    friction: FloatArray,
-    status: Status,
-    kappa: FloatArray,
-    limit: int = 0,
-    *,
-    rough: float = 0.0,
-) -> Report:
+def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
@@ -72,9 +64,6 @@ def newton(
     say what is left: change * (change / change before); of a body so soft that kappa follows the traction more than
     the traction kappa, the change of kappa's load says more. A status that comes back is a cycle: from then on repeated
     ones change one moment at a time.
-
-    With ``rough``, for the steps of an iteration around this one, it is enough that the status stays and that the
-    change of kappa's load is below this share of the traction: what is left of the traction is as much.
     """
     limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
     before, last = None, np.inf
@@ -89,8 +78,8 @@ def newton(
         turned = np.abs(answer.kappa - kappa)
         settled = (
             asked.same(status)
-            and (rough > 0.0 or left <= TOLERANCE * scale or bool((turned <= 1e-13).all()))
-            and float((turned * np.abs(answer.traction[0])).max(initial=0.0)) <= max(rough, SHARE) * scale
+            and (left <= TOLERANCE * scale or bool((turned <= 1e-13).all()))
+            and float((turned * np.abs(answer.traction[0])).max(initial=0.0)) <= SHARE * scale
             and error <= RESIDUAL * scale
         )
         if settled or iteration == limit:

@@ -31,8 +31,8 @@ TOLERANCE = 5e-3
 In `wheelset` at 1 mm it is worth 1e-4 of the force and 1e-3 of the largest strain, the increments 7e-4 and 5e-2.
 """
 
-ROUGH = 1e-2
-"""What the contact may leave, relative to its traction, in units of `TOLERANCE`; at the end it leaves nothing."""
+FIRST = 0.2
+"""The same where the flow goes on from no step before, in units of `TOLERANCE`: a fit in place is one such step."""
 
 ROUNDING = 1e-12
 """Change that is none, relative to the plastic strain of the points so far: where nothing flows, rounding is left."""
@@ -47,8 +47,8 @@ Flow = dict[str, BodyFlow]
 Loads = tuple[FloatArray, FloatArray]
 """Nodal loads of the contact on the seat and on the bore [N]."""
 
-Contact = Callable[[dict[str, Eigen], float], Loads]
-"""Solves the contact for what the plastic strains do to it, as roughly as is said (see `newton`): its loads."""
+Contact = Callable[[dict[str, Eigen]], Loads]
+"""Solves the contact for what the plastic strains do to it: its loads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,17 +110,15 @@ class Yielding:
         for iteration in range(1, LIMIT + 1):
             own = {name: step.displace() for name, step in steps.items()}
             eigen = self._shared({name: step.eigen(own[name]) for name, step in steps.items()})
-            rough = ROUGH * TOLERANCE if any(each.displacement.any() for each in eigen.values()) else 0.0
-            both = dict(zip(("axle", "wheel"), contact(eigen, rough), strict=True))
+            both = dict(zip(("axle", "wheel"), contact(eigen), strict=True))
             for name, step in steps.items():
                 step.press(both[name])
             if iteration == 1:
                 self._widened(steps)
             reached = {name: step.flowed() for name, step in steps.items()}
-            left, gained, whole = self._norms(steps, reached)
-            if left <= max(TOLERANCE * gained, ROUNDING * whole):
-                if rough:
-                    both = dict(zip(("axle", "wheel"), contact(eigen, 0.0), strict=True))
+            left, gained, whole, carried = self._norms(steps, reached)
+            tolerance = TOLERANCE if carried > 0.0 else FIRST * TOLERANCE
+            if left <= max(tolerance * gained, ROUNDING * whole):
                 ended = {name: step.ended(both[name]) for name, step in steps.items()}
                 if not self._widened(steps, ended):
                     return self._settled(steps, ended, eigen, iteration)
@@ -155,21 +153,21 @@ class Yielding:
             converged=True,
         )
 
-    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, float, float]:
-        """Norms of g(x) - x, of what the law gave in the step, and of g(x)."""
+    def _norms(self, steps: dict[str, BodyStep], reached: dict[str, FloatArray]) -> tuple[float, ...]:
+        """Norms of g(x) - x, of what the law gave in the step, of g(x), and of what the step before let expect."""
         squares = {
             name: np.array(
                 [
                     _square(step.scale * (reached[name] - step.x)),
                     step.gained_square(),
                     _square(step.scale * reached[name]),
+                    step.expected_square,
                 ]
             )
             for name, step in steps.items()
         }
         shared = self._shared(squares)
-        left, gained, whole = np.sqrt(sum(shared[name] for name in self.names))
-        return float(left), float(gained), float(whole)
+        return tuple(np.sqrt(sum(shared[name] for name in self.names)).tolist())
 
     def _dot(self, steps: dict[str, BodyStep], left: FloatArray, right: FloatArray) -> FloatArray:
         """left @ right.T over all bodies, summed in the same order on any number of ranks."""
