@@ -227,7 +227,7 @@ def backward(part, first, begin, place, rows, values, y):
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def product(a, x):
-    """a . x."""
+    """The product of two vectors."""
     total = 0.0
     for i in range(len(x)):
         total += a[i] * x[i]
