@@ -132,12 +132,16 @@ class Body:
         self.stabilisation: sp.csr_matrix | None = None
         self.factorisations = 0
         self.back_substitutions = 0
-        self._factor: Factor | None = None
 
     @cached_property
     def gauss(self) -> GaussPoints:
         """Its Gauss points, for stresses and for flow."""
         return GaussPoints(self.space)
+
+    @cached_property
+    def kept_factor(self) -> Factor:
+        """The factor of K in the order with the least entries, made when it is first needed."""
+        return self._factored()
 
     @property
     def dofs(self) -> int:
@@ -226,11 +230,9 @@ class Body:
 
     def solve(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k) [mm], from nodal loads (dofs, k) [N]; loads on supports do nothing."""
-        if self._factor is None:
-            self._factor = self._factored()
         free = loads.copy()
         free.reshape(len(self.supported), 2, -1)[self.supported] = 0.0
-        out = self._factor.solve(free)
+        out = self.kept_factor.solve(free)
         self.back_substitutions += loads.shape[1]
         return out
 
