@@ -132,6 +132,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             tables = on_preset(self._preset()[0], {"surface": self.surface})
             keys = decode_tables({"surface": tables["surface"]}, _Faces, "options").surface
             keys.check(tile_size)
+            keys = keys.found()
         except (KeyMistake, SettingsError) as error:
             raise ProviderError(f"friction.options.{error}") from None
         return keys

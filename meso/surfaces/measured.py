@@ -1,0 +1,217 @@
+"""The rough face of a plate out of measured surfaces: a place on a strip, or a place on patches dealt to a strip.
+
+A strip lies in place: tile i of the axle covers i ... i + 2 mm of it. Patches are smaller than a body, and what is not
+measured has to be made of what is: pieces, each a patch drawn by the seed, a place on it and a reflection, are laid one
+after the other along the body, as long as a patch and overlapping by `BLEND` of it. In an overlap the heights are
+cos(t) A + sin(t) B, t from 0 to 90 degrees: A and B are independent and of mean 0, so that the variance is theirs
+everywhere (a linear fade would halve it). So neighbouring tiles share what they overlap, as on a real seat. What this
+leaves out: grooves lose their phase at each overlap, and waves longer than a patch are not there.
+"""
+
+from __future__ import annotations
+
+import functools
+from math import floor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from macrofit.base.arrays import FloatArray
+from macrofit.base.errors import OutputError
+
+from ..errors import SurfaceError
+from ..measured.clean import Scan, cleaned
+from ..measured.keys import ScanKeys, digest
+from ..measured.read import read_scan
+from .gaussian import filtered
+from .surface import TILES, Body, Surface, generator
+
+LONG = 5.0
+"""A single scan longer than so many widths of a tile is a strip, where the keys leave it open."""
+BLEND = 0.25
+"""Share of a piece that overlaps with the next [-]."""
+LONGEST_PIECE = 4.0
+"""Length of a piece, at most, in widths of a tile."""
+
+
+@functools.lru_cache(maxsize=8)
+def scan_of(keys: ScanKeys, which: int) -> Scan:
+    """One of the files of a body, read and cleaned.
+
+    Raises:
+        SurfaceError: it cannot be used, or has changed since the keys were read.
+    """
+    path = Path(keys.files[which])
+    try:
+        if keys.sha256 and digest(path) != keys.sha256[which]:
+            raise SurfaceError(
+                f"{path}: its content is another than that with the digest {keys.sha256[which][:12]}: put the file "
+                "back, or take the key sha256 out and begin anew"
+            )
+        raw = read_scan(path)
+    except OutputError as error:
+        raise SurfaceError(str(error)) from None
+    try:
+        scan = cleaned(raw, keys)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    if keys.filter is None:
+        return scan
+    size = tuple(step * (count - 1) for step, count in zip(scan.spacing, scan.heights.shape, strict=True))
+    rest = filtered(Surface(scan.heights, (size[0], size[1])), keys.filter).heights
+    done = (*scan.done, f"waves above {keys.filter:g} mm filtered out (Gaussian)")
+    return Scan(heights=rest, spacing=scan.spacing, done=done, doubts=scan.doubts)
+
+
+def is_strip(keys: ScanKeys, width: float) -> bool:
+    """Whether the files of a body are one strip for tiles of this width [mm].
+
+    Raises:
+        SurfaceError: several files where a strip is asked for; a file that cannot be used.
+    """
+    if keys.use == "strip" and len(keys.files) > 1:
+        raise SurfaceError(f"use = 'strip' takes one file, and there are {len(keys.files)}: take use = 'patches'")
+    return keys.use == "strip" or (
+        keys.use == "auto" and len(keys.files) == 1 and scan_of(keys, 0).size[0] >= LONG * width
+    )
+
+
+def measured_face(keys: ScanKeys, body: Body, seed: int, size: tuple[float, float]) -> Surface:
+    """The face that a seed has on the measured surfaces of a body; means over areas of 2^-levels mm.
+
+    Args:
+        keys: files, and what is done with them; levels says the grid.
+        body: whose streams are taken.
+        seed: 65536 draw + tile; a strip is one for all draws.
+        size: length along the slide and width [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used, is too small, or ends before the tile begins.
+    """
+    draw, place = divmod(seed, TILES)
+    length, width = size
+    cells = max(2, round(width * 2**keys.levels))
+    step = width / cells
+    x = place * width + np.linspace(0.0, length, max(2, round(length / step)) + 1)
+    y = np.linspace(0.0, width, cells + 1)
+    strip = is_strip(keys, width)
+    heights = _on_strip(keys, x, y) if strip else _on_patches(keys, body, draw, x, y)
+    return Surface(heights, size)
+
+
+def _on_strip(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Heights at places along a strip; a tile that reaches over its end is reflected there."""
+    scan, width = scan_of(keys, 0), float(y[-1])
+    _check_width(scan, keys.files[0], width, width)
+    if x[0] + width > scan.size[0] + scan.spacing[0]:
+        raise SurfaceError(
+            f"{keys.files[0]}: is {scan.size[0]:.4g} mm long, and tile {round(x[0] / width)} begins at {x[0]:.4g} mm: "
+            "measure a longer strip, or take use = 'patches'"
+        )
+    along = scan.size[0] - np.abs(scan.size[0] - x)
+    return area_means(scan, along, y + 0.5 * (scan.size[1] - width))
+
+
+class _Piece(NamedTuple):
+    """A piece of a patch as it is laid."""
+
+    which: int  # patch
+    x: float  # place on it [mm]
+    y: float
+    flip_x: bool
+    flip_y: bool
+
+
+def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Heights at places along a strip that is laid out of pieces of patches."""
+    width = float(y[-1])
+    scans = [scan_of(keys, which) for which in range(len(keys.files))]
+    for scan, name in zip(scans, keys.files, strict=True):
+        _check_width(scan, name, width, width)
+    if len(scans) == 1 and abs(scans[0].size[0] - (x[-1] - x[0])) < 1.5 * scans[0].spacing[0]:
+        return area_means(scans[0], x - x[0] + _centring(scans[0].size[0], x[-1] - x[0]),
+                          y + _centring(scans[0].size[1], width))  # fmt: skip
+    piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
+    pitch = (1.0 - BLEND) * piece
+    heights = np.zeros((len(x), len(y)))
+    for number in range(floor((x[0] - piece) / pitch), floor(x[-1] / pitch) + 1):
+        inside = np.flatnonzero((x >= number * pitch) & (x <= number * pitch + piece))
+        if not inside.size:
+            continue
+        along = x[inside] - number * pitch
+        rise = np.clip(np.minimum(along, piece - along) / (piece - pitch), 0.0, 1.0)
+        laid = _drawn(scans, body, draw, number, (piece, width))
+        heights[inside] += np.sin(0.5 * np.pi * rise)[:, None] * _read(scans[laid.which], laid, along, y, piece)
+    return heights
+
+
+def _drawn(scans: list[Scan], body: Body, draw: int, number: int, size: tuple[float, float]) -> _Piece:
+    """The piece of this number."""
+    rng = generator(f"patches of the {body}", draw, TILES + number)
+    which = int(rng.integers(len(scans)))
+    free = [max(0.0, have - need) for have, need in zip(scans[which].size, size, strict=True)]
+    x, y = rng.random(2) * free
+    flip = rng.random(2) < 0.5
+    return _Piece(which, float(x), float(y), bool(flip[0]), bool(flip[1]))
+
+
+def _read(scan: Scan, laid: _Piece, along: FloatArray, y: FloatArray, piece: float) -> FloatArray:
+    """Heights of a piece at places along and across it."""
+    x = laid.x + (piece - along[::-1] if laid.flip_x else along)
+    across = laid.y + (y[-1] - y[::-1] if laid.flip_y else y)
+    heights = area_means(scan, x, across)
+    heights = heights[::-1] if laid.flip_x else heights
+    return heights[:, ::-1] if laid.flip_y else heights
+
+
+def area_means(scan: Scan, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Means of a scan over the cells of a grid, shape (len(x), len(y)).
+
+    A cell reaches half a spacing of the grid to each side of its place, and ends where the scan does. Where the scan
+    is no finer than the grid, its heights are joined by straight lines instead.
+    """
+    along, rows = _weights(x, scan.spacing[0], scan.heights.shape[0])
+    across, columns = _weights(y, scan.spacing[1], scan.heights.shape[1])
+    means: FloatArray = along @ scan.heights[rows, columns] @ across.T
+    return means
+
+
+def _weights(places: FloatArray, spacing: float, count: int) -> tuple[FloatArray, slice]:
+    """Weights of the points of a scan at each place, shape (places, points), and which points they are."""
+    step = float(np.abs(np.diff(places)).max())
+    first = max(0, floor((places.min() - step) / spacing) - 1)
+    last = min(count, floor((places.max() + step) / spacing) + 2)
+    edges = spacing * np.arange(first, last + 1)
+    if spacing < step * (1.0 - 1e-9):
+        low, high = np.clip(places - 0.5 * step, 0.0, None), np.clip(places + 0.5 * step, None, count * spacing)
+        share = np.minimum(high[:, None], edges[None, 1:]) - np.maximum(low[:, None], edges[None, :-1])
+        weights = np.clip(share, 0.0, None)
+    else:
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        held = np.clip(places, middle[0], middle[-1])
+        weights = np.clip(1.0 - np.abs(held[:, None] - middle[None, :]) / spacing, 0.0, None)
+    return weights / weights.sum(axis=1, keepdims=True), slice(first, last)
+
+
+def _centring(have: float, need: float) -> float:
+    """Where a face of this length begins, in the middle of a scan [mm]."""
+    return 0.5 * (have - need)
+
+
+def _check_width(scan: Scan, name: str, length: float, width: float) -> None:
+    """Refuse a scan that does not hold a tile.
+
+    Raises:
+        SurfaceError: it is too small, or lies across.
+    """
+    (have_x, have_y), (dx, dy) = scan.size, scan.spacing
+    if have_x < length - dx * 1.001 or have_y < width - dy * 1.001:
+        turned = "; it is long enough across: is along = 'y' right?" if have_y >= length > have_x else ""
+        raise SurfaceError(
+            f"{name}: covers {have_x:.4g} mm along the slide and {have_y:.4g} mm across, a tile needs {length:g} x "
+            f"{width:g} mm{turned}"
+        )
+    coarse = 0.25 * width
+    if max(dx, dy) > coarse:
+        raise SurfaceError(f"{name}: its points are {max(dx, dy):g} mm apart, a tile needs {coarse:g} mm or less")
