@@ -27,8 +27,8 @@ SMOOTHEST, ROUGHEST = 2e-5, 0.06
 """Sq outside of these is none of a machined face: another unit is meant [mm]."""
 SMOOTH, ROUGH = 5e-5, 0.02
 """Sq outside of these is rare [mm]."""
-FINEST, COARSEST, LONGEST = 1e-4, 0.2, 400.0
-"""Spacings and a length outside of these are none of a scan: another unit is meant [mm]."""
+FINEST, COARSEST, LONGEST, WIDE = 1e-4, 0.2501, 400.0, 20.0
+"""Spacings and a length outside of these are none of a scan: another unit is meant; a wider scan is doubted [mm]."""
 STEEPEST = 1.0
 """Sdq above this is doubted [-]."""
 SAMPLE = 1000
@@ -248,6 +248,8 @@ def _plausible(scan: Scan, keys: ScanKeys, stated: bool) -> Scan:
     doubts = list(scan.doubts)
     if not SMOOTH <= rms <= ROUGH:
         doubts.append(f"{told}, which is rare on machined faces: is {said} right?")
+    if scan.size[1] > WIDE:
+        doubts.append(f"it is {scan.size[1]:.4g} mm wide, scans have less than {WIDE:g} mm: is the spacing right?")
     steep = slope(scan)
     if steep > STEEPEST:
         doubts.append(f"its slope Sdq is {steep:.2g}: are unit and spacing right, is it noise?")

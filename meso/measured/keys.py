@@ -25,7 +25,7 @@ class ScanKeys(Keys, frozen=True):
 
     files: Annotated[tuple[str, ...], told("Files of heights; one strip, or patches."), msgspec.Meta(min_length=1)]
     use: Annotated[
-        Literal["auto", "strip", "patches"],
+        Literal["auto", "strip", "patches", "face"],
         told(
             "One strip along the body, tile i at i mm; or patches dealt to the tiles; auto: a strip where it is long."
         ),

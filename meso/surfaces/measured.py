@@ -15,6 +15,7 @@ from math import floor
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
@@ -35,27 +36,37 @@ LONGEST_PIECE = 4.0
 """Length of a piece, at most, in widths of a tile."""
 
 
-@functools.lru_cache(maxsize=8)
 def scan_of(keys: ScanKeys, which: int) -> Scan:
-    """One of the files of a body, read and cleaned.
+    """One of the files of a body, read and cleaned; read again where its content has changed.
 
     Raises:
-        SurfaceError: it cannot be used, or has changed since the keys were read.
+        SurfaceError: it cannot be used, or has another content than the digest among the keys.
     """
+    if keys.sha256:
+        return _scan(keys, which)
+    try:
+        return _scan(keys.found(), which)
+    except OutputError as error:
+        raise SurfaceError(str(error)) from None
+
+
+@functools.lru_cache(maxsize=8)
+def _scan(keys: ScanKeys, which: int) -> Scan:
+    """One of the files of a body, whose digest is among the keys."""
     path = Path(keys.files[which])
     try:
-        if keys.sha256 and digest(path) != keys.sha256[which]:
+        if digest(path) != keys.sha256[which]:
             raise SurfaceError(
                 f"{path}: its content is another than that with the digest {keys.sha256[which][:12]}: put the file "
                 "back, or take the key sha256 out and begin anew"
             )
-        raw = read_scan(path)
     except OutputError as error:
         raise SurfaceError(str(error)) from None
     try:
+        raw = read_scan(path)
         scan = cleaned(raw, keys)
     except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
+        raise SurfaceError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     if keys.filter is None:
         return scan
     size = tuple(step * (count - 1) for step, count in zip(scan.spacing, scan.heights.shape, strict=True))
@@ -95,9 +106,42 @@ def measured_face(keys: ScanKeys, body: Body, seed: int, size: tuple[float, floa
     step = width / cells
     x = place * width + np.linspace(0.0, length, max(2, round(length / step)) + 1)
     y = np.linspace(0.0, width, cells + 1)
-    strip = is_strip(keys, width)
-    heights = _on_strip(keys, x, y) if strip else _on_patches(keys, body, draw, x, y)
+    if keys.use == "face":
+        heights = _in_the_middle(keys, x - x[0], y)
+    elif is_strip(keys, width):
+        heights = _on_strip(keys, x, y)
+    else:
+        heights = _on_patches(keys, body, draw, x, y)
     return Surface(heights, size)
+
+
+def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
+    """The keys of a file that is a face; one without a spacing covers all of it, its outer points on the border.
+
+    Raises:
+        SurfaceError: its points would be much farther apart along the slide than across, or the other way round.
+    """
+    if keys.spacing is not None:
+        return keys
+    raw = read_scan(Path(keys.files[0]))
+    if raw.spacing is not None or raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
+        return keys
+    nx, ny = raw.heights.shape if keys.along == "x" else raw.heights.shape[::-1]
+    spacing = size[0] / (nx - 1), size[1] / (ny - 1)
+    if not 0.5 < spacing[0] / spacing[1] < 2.0:
+        raise SurfaceError(
+            f"{keys.files[0]}: {nx} x {ny} points are not those of {size[0]:g} x {size[1]:g} mm: rows run along the "
+            f"slide, and the face is {size[0]:g} mm long; or give the spacing"
+        )
+    return msgspec.structs.replace(keys, spacing=spacing)
+
+
+def _in_the_middle(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Heights at places on a face that is the middle of a scan."""
+    scan = scan_of(keys, 0)
+    _check_width(scan, keys.files[0], float(x[-1]), float(y[-1]))
+    middle = [0.5 * (have - places[-1]) for have, places in zip(scan.size, (x, y), strict=True)]
+    return area_means(scan, x + middle[0], y + middle[1])
 
 
 def _on_strip(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -129,9 +173,6 @@ def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatAr
     scans = [scan_of(keys, which) for which in range(len(keys.files))]
     for scan, name in zip(scans, keys.files, strict=True):
         _check_width(scan, name, width, width)
-    if len(scans) == 1 and abs(scans[0].size[0] - (x[-1] - x[0])) < 1.5 * scans[0].spacing[0]:
-        return area_means(scans[0], x - x[0] + _centring(scans[0].size[0], x[-1] - x[0]),
-                          y + _centring(scans[0].size[1], width))  # fmt: skip
     piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
     pitch = (1.0 - BLEND) * piece
     heights = np.zeros((len(x), len(y)))
@@ -169,8 +210,12 @@ def area_means(scan: Scan, x: FloatArray, y: FloatArray) -> FloatArray:
     """Means of a scan over the cells of a grid, shape (len(x), len(y)).
 
     A cell reaches half a spacing of the grid to each side of its place, and ends where the scan does. Where the scan
-    is no finer than the grid, its heights are joined by straight lines instead.
+    is no finer than the grid, its points are joined by triangles instead, as those of a `Surface`.
     """
+    (dx, dy), (nx, ny) = scan.spacing, scan.heights.shape
+    if min(dx / _step(x), dy / _step(y)) > 1.0 - 1e-9:
+        joined = Surface(scan.heights, (dx * (nx - 1), dy * (ny - 1)))
+        return joined.at(x[:, None] - 0.5 * dx, y[None, :] - 0.5 * dy)
     along, rows = _weights(x, scan.spacing[0], scan.heights.shape[0])
     across, columns = _weights(y, scan.spacing[1], scan.heights.shape[1])
     means: FloatArray = along @ scan.heights[rows, columns] @ across.T
@@ -179,7 +224,7 @@ def area_means(scan: Scan, x: FloatArray, y: FloatArray) -> FloatArray:
 
 def _weights(places: FloatArray, spacing: float, count: int) -> tuple[FloatArray, slice]:
     """Weights of the points of a scan at each place, shape (places, points), and which points they are."""
-    step = float(np.abs(np.diff(places)).max())
+    step = _step(places)
     first = max(0, floor((places.min() - step) / spacing) - 1)
     last = min(count, floor((places.max() + step) / spacing) + 2)
     edges = spacing * np.arange(first, last + 1)
@@ -194,9 +239,9 @@ def _weights(places: FloatArray, spacing: float, count: int) -> tuple[FloatArray
     return weights / weights.sum(axis=1, keepdims=True), slice(first, last)
 
 
-def _centring(have: float, need: float) -> float:
-    """Where a face of this length begins, in the middle of a scan [mm]."""
-    return 0.5 * (have - need)
+def _step(places: FloatArray) -> float:
+    """Spacing of a grid [mm]."""
+    return float(np.abs(np.diff(places)).max())
 
 
 def _check_width(scan: Scan, name: str, length: float, width: float) -> None:
