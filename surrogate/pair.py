@@ -103,7 +103,7 @@ def predict_pair(
             faces.append(generated_face(body, seed, keys, about.points))
             continue
         face, did, doubted = measured_face(source, body, seed, about.points)
-        findings += _outside_heights(face, body, source.files[0], about.max_height)
+        findings += outside_heights(face, body, source.files[0], about.max_height)
         doubts += [f"{source.files[0]}: {line}" for line in doubted]
         done += [f"{body}: {line}" for line in did]
         faces.append(face)
@@ -139,6 +139,8 @@ def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
         provenance: what the network was trained on.
         keys: how the faces are made.
     """
+    if keys.axle is not None and keys.bore is not None:
+        return []
     shape = {"levels": keys.levels, "hurst_exponent": keys.hurst_exponent}
     if keys.generator == "diamond_square":
         findings = outside_training(provenance, max_height=keys.max_height, **shape)
@@ -152,7 +154,7 @@ def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
     return findings
 
 
-def _outside_heights(face: HeightArray, body: Body, file: str, learned: tuple[float, float]) -> list[str]:
+def outside_heights(face: HeightArray, body: Body, file: str, learned: tuple[float, float]) -> list[str]:
     """What to say of a face from a file that is smoother or rougher than all that were learned from.
 
     Generated faces of range R have an Sq of `SMOOTHEST` to `ROUGHEST` R.

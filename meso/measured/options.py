@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from macrofit.base.keys import KeyMistake, decode_tables
-
 from ..errors import SettingsError
-from .keys import HEIGHT_UNITS, ScanKeys
+
+if TYPE_CHECKING:
+    from .keys import ScanKeys
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -29,7 +29,9 @@ def _lengths(context: click.Context, option: click.Parameter, text: str | None) 
 
 OPTIONS = (
     click.option("--spacing", callback=_lengths, metavar="MM[,MM]", help="Of the points, where the file has none."),
-    click.option("--unit", type=click.Choice(list(HEIGHT_UNITS)), help="Of the heights, where the file has none [mm]."),
+    click.option(
+        "--unit", type=click.Choice(["m", "mm", "um", "µm", "nm"]), help="Of the heights, where the file has none [mm]."
+    ),
     click.option("--along", type=click.Choice(["x", "y"]), help="Axis of the file that runs along the slide [x]."),
     click.option(
         "--remove", type=click.Choice(["none", "plane", "cylinder", "polynomial"]), help="Form taken away [cylinder]."
@@ -67,6 +69,10 @@ def asked_scan(files: Path | tuple[Path, ...], options: dict[str, Any]) -> ScanK
     Raises:
         SettingsError: an option that is out of its bounds.
     """
+    from macrofit.base.keys import KeyMistake, decode_tables
+
+    from .keys import ScanKeys
+
     names = [str(file) for file in ((files,) if isinstance(files, Path) else files)]
     try:
         return decode_tables({"files": names, **options}, ScanKeys, "options")

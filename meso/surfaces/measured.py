@@ -11,6 +11,7 @@ leaves out: grooves lose their phase at each overlap, and waves longer than a pa
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from math import floor
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from ..errors import SurfaceError
 from ..measured.clean import Scan, cleaned
 from ..measured.keys import ScanKeys, digest
 from ..measured.read import read_scan
+from ..settings import FaceKeys
 from .gaussian import filtered
 from .surface import TILES, Body, Surface, generator
 
@@ -69,10 +71,15 @@ def _scan(keys: ScanKeys, which: int) -> Scan:
         raise SurfaceError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     if keys.filter is None:
         return scan
-    size = tuple(step * (count - 1) for step, count in zip(scan.spacing, scan.heights.shape, strict=True))
-    rest = filtered(Surface(scan.heights, (size[0], size[1])), keys.filter).heights
+    rest = filtered(as_surface(scan), keys.filter).heights
     done = (*scan.done, f"waves above {keys.filter:g} mm filtered out (Gaussian)")
     return Scan(heights=rest, spacing=scan.spacing, done=done, doubts=scan.doubts)
+
+
+def as_surface(scan: Scan) -> Surface:
+    """A scan with its outer points on the border."""
+    (nx, ny), (dx, dy) = scan.heights.shape, scan.spacing
+    return Surface(scan.heights, (dx * (nx - 1), dy * (ny - 1)))
 
 
 def is_strip(keys: ScanKeys, width: float) -> bool:
@@ -115,6 +122,27 @@ def measured_face(keys: ScanKeys, body: Body, seed: int, size: tuple[float, floa
     return Surface(heights, size)
 
 
+def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[str]:
+    """What may be wrong with the measured faces of bodies with so many tiles, in words.
+
+    Args:
+        keys: of both bodies' faces.
+        counts: tiles of each body.
+        width: of a tile, and its length [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used, is too small, or ends before the last tile.
+    """
+    found = []
+    for body, count in counts.items():
+        scan = keys.measured(body)
+        if scan is None:
+            continue
+        measured_face(scan, body, min(count, TILES) - 1, (2.0 * width if body == "axle" else width, width))
+        found += [f"{name}: {line}" for k, name in enumerate(scan.files) for line in scan_of(scan, k).doubts]
+    return found
+
+
 def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
     """The keys of a file that is a face; one without a spacing covers all of it, its outer points on the border.
 
@@ -141,7 +169,7 @@ def _in_the_middle(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
     scan = scan_of(keys, 0)
     _check_width(scan, keys.files[0], float(x[-1]), float(y[-1]))
     middle = [0.5 * (have - places[-1]) for have, places in zip(scan.size, (x, y), strict=True)]
-    return area_means(scan, x + middle[0], y + middle[1])
+    return area_means(scan, x + middle[0], y + middle[1], float(y[1]))
 
 
 def _on_strip(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -154,7 +182,7 @@ def _on_strip(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
             "measure a longer strip, or take use = 'patches'"
         )
     along = scan.size[0] - np.abs(scan.size[0] - x)
-    return area_means(scan, along, y + 0.5 * (scan.size[1] - width))
+    return area_means(scan, along, y + 0.5 * (scan.size[1] - width), float(y[1]))
 
 
 class _Piece(NamedTuple):
@@ -201,30 +229,28 @@ def _read(scan: Scan, laid: _Piece, along: FloatArray, y: FloatArray, piece: flo
     """Heights of a piece at places along and across it."""
     x = laid.x + (piece - along[::-1] if laid.flip_x else along)
     across = laid.y + (y[-1] - y[::-1] if laid.flip_y else y)
-    heights = area_means(scan, x, across)
+    heights = area_means(scan, x, across, float(y[1]))
     heights = heights[::-1] if laid.flip_x else heights
     return heights[:, ::-1] if laid.flip_y else heights
 
 
-def area_means(scan: Scan, x: FloatArray, y: FloatArray) -> FloatArray:
+def area_means(scan: Scan, x: FloatArray, y: FloatArray, step: float) -> FloatArray:
     """Means of a scan over the cells of a grid, shape (len(x), len(y)).
 
-    A cell reaches half a spacing of the grid to each side of its place, and ends where the scan does. Where the scan
-    is no finer than the grid, its points are joined by triangles instead, as those of a `Surface`.
+    A cell reaches half a `step` [mm] of the grid to each side of its place, and ends where the scan does. Where the
+    scan is no finer than the grid, its points are joined by triangles instead, as those of a `Surface`.
     """
-    (dx, dy), (nx, ny) = scan.spacing, scan.heights.shape
-    if min(dx / _step(x), dy / _step(y)) > 1.0 - 1e-9:
-        joined = Surface(scan.heights, (dx * (nx - 1), dy * (ny - 1)))
-        return joined.at(x[:, None] - 0.5 * dx, y[None, :] - 0.5 * dy)
-    along, rows = _weights(x, scan.spacing[0], scan.heights.shape[0])
-    across, columns = _weights(y, scan.spacing[1], scan.heights.shape[1])
+    dx, dy = scan.spacing
+    if min(dx, dy) / step > 1.0 - 1e-9:
+        return as_surface(scan).at(x[:, None] - 0.5 * dx, y[None, :] - 0.5 * dy)
+    along, rows = _weights(x, step, scan.spacing[0], scan.heights.shape[0])
+    across, columns = _weights(y, step, scan.spacing[1], scan.heights.shape[1])
     means: FloatArray = along @ scan.heights[rows, columns] @ across.T
     return means
 
 
-def _weights(places: FloatArray, spacing: float, count: int) -> tuple[FloatArray, slice]:
+def _weights(places: FloatArray, step: float, spacing: float, count: int) -> tuple[FloatArray, slice]:
     """Weights of the points of a scan at each place, shape (places, points), and which points they are."""
-    step = _step(places)
     first = max(0, floor((places.min() - step) / spacing) - 1)
     last = min(count, floor((places.max() + step) / spacing) + 2)
     edges = spacing * np.arange(first, last + 1)
@@ -237,11 +263,6 @@ def _weights(places: FloatArray, spacing: float, count: int) -> tuple[FloatArray
         held = np.clip(places, middle[0], middle[-1])
         weights = np.clip(1.0 - np.abs(held[:, None] - middle[None, :]) / spacing, 0.0, None)
     return weights / weights.sum(axis=1, keepdims=True), slice(first, last)
-
-
-def _step(places: FloatArray) -> float:
-    """Spacing of a grid [mm]."""
-    return float(np.abs(np.diff(places)).max())
 
 
 def _check_width(scan: Scan, name: str, length: float, width: float) -> None:
