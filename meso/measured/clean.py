@@ -29,6 +29,8 @@ SMOOTH, ROUGH = 5e-5, 0.02
 """Sq outside of these is rare [mm]."""
 FINEST, COARSEST, LONGEST, WIDE = 1e-4, 0.2501, 400.0, 20.0
 """Spacings and a length outside of these are none of a scan: another unit is meant; a wider scan is doubted [mm]."""
+COARSE = 2.01
+"""Spacing over that of the means above which a scan is doubted [-]; generated faces have twice theirs."""
 STEEPEST = 1.0
 """Sdq above this is doubted [-]."""
 SAMPLE = 1000
@@ -250,6 +252,11 @@ def _plausible(scan: Scan, keys: ScanKeys, stated: bool) -> Scan:
         doubts.append(f"{told}, which is rare on machined faces: is {said} right?")
     if scan.size[1] > WIDE:
         doubts.append(f"it is {scan.size[1]:.4g} mm wide, scans have less than {WIDE:g} mm: is the spacing right?")
+    if max(scan.spacing) > COARSE * 2.0**-keys.levels:
+        doubts.append(
+            f"its points are {1e3 * max(scan.spacing):.3g} µm apart, coarser than the means over "
+            f"{1e3 * 2.0**-keys.levels:.3g} µm that are taken: what lies between is not known"
+        )
     steep = slope(scan)
     if steep > STEEPEST:
         doubts.append(f"its slope Sdq is {steep:.2g}: are unit and spacing right, is it noise?")

@@ -75,10 +75,10 @@ def _sdf_binary(data: bytes) -> RawScan:
     nx, ny = _counts(nx, ny)
     raw = _block(data, 81, nx * ny, SDF_KINDS[kind])
     values = raw.astype(np.float64)
-    if raw.dtype.kind in "iu":
-        values[raw == (np.iinfo(raw.dtype).min if raw.dtype.kind == "i" else np.iinfo(raw.dtype).max)] = math.nan
-    else:
+    if raw.dtype.kind == "f":
         values[~(np.abs(values) < 1e30)] = math.nan
+    elif raw.dtype.itemsize > 1:  # bytes have no mark for what was not measured
+        values[raw == (np.iinfo(raw.dtype).min if raw.dtype.kind == "i" else np.iinfo(raw.dtype).max)] = math.nan
     return _sdf_scan(values.reshape(ny, nx), tuple(scales))
 
 

@@ -21,7 +21,8 @@ from .raw import RawScan, ScanError, length_unit
 NOT_MEASURED = {"nan", "bad", "-", "--", "---", "", "***", "n/a", "na", "#n/a", "inf", "-inf"}
 """What stands in a text in place of a height, in small letters."""
 _EXTENT = re.compile(r"rows along x = 0 \.\.\. ([\d.e+-]+) mm, \d+ columns along y = 0 \.\.\. ([\d.e+-]+) mm")
-_SPACING = re.compile(r"spacing\s*[:=]?\s*([\d.]+(?:e[+-]?\d+)?)\s*(mm|µm|um|nm|m)\b", re.IGNORECASE)
+_LENGTH = r"([\d.]+(?:e[+-]?\d+)?)"
+_SPACING = re.compile(rf"spacing\s*[:=]?\s*{_LENGTH}(?:\s*[,x]\s*{_LENGTH})?\s*(mm|µm|um|nm|m)\b", re.IGNORECASE)
 SLACK = 0.02
 """Largest distance of a point of a list from its place on the grid, in spacings [-]."""
 
@@ -61,7 +62,8 @@ def read_archive(path: Path) -> RawScan:
 def read_text(path: Path) -> RawScan:
     """A grid of heights in a text, one row for each place along the slide; a head may say unit and spacing.
 
-    Known in the head are ``[µm]`` after a name, ``spacing = 5 µm``, and what `macrofit-meso surface` writes there.
+    Known in the head are ``[µm]`` after a name, ``spacing = 5 µm`` or ``spacing = 5, 4 µm``, and what
+    `macrofit-meso surface` writes there.
 
     Raises:
         ScanError: rows of different lengths, words in place of heights, a unit that is not known.
@@ -176,5 +178,6 @@ def _spacing(head: str, shape: tuple[int, ...]) -> tuple[float, float] | None:
         return float(extent.group(1)) / (shape[0] - 1), float(extent.group(2)) / (shape[1] - 1)
     if apart is None:
         return None
-    step = float(apart.group(1)) * (length_unit(apart.group(2)) or 1.0)
-    return step, step
+    along, across, unit = apart.groups()
+    scale = length_unit(unit) or 1.0
+    return scale * float(along), scale * float(across or along)
