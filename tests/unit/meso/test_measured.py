@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -82,7 +81,7 @@ def test_one_surface_is_the_same_in_every_format(
 
 def test_the_surface_is_turned_where_its_y_runs_along_the_slide(heights: np.ndarray, tmp_path: Path) -> None:
     path = written(tmp_path, "a.sur", heights.T, STEP[::-1])
-    with pytest.raises(SurfaceError, match="1.125 mm along the slide and 2.1 mm across, .* is along = 'y' right"):
+    with pytest.raises(SurfaceError, match=r"1.125 mm along the slide and 2.1 mm across, .* is along = 'y' right"):
         measured_face(keys(path), "axle", 0, SIZES["axle"])
     found = measured_face(keys(path, along="y"), "axle", 0, SIZES["axle"])
     straight = measured_face(keys(written(tmp_path, "a.npy", heights)), "axle", 0, SIZES["axle"])
@@ -226,8 +225,8 @@ def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
         assert not np.allclose(faces[7], measured_face(patches, "axle", other, (2.0, 1.0)).heights, atol=1e-4)
     bore = measured_face(patches, "wheel", tile_seed(1, 7), (1.0, 1.0)).heights
     assert not np.allclose(faces[7][:17], bore, atol=1e-4)
-    means = [measured_face(msgspec.structs.replace(patches, files=(name,), sha256=patches.sha256[k : k + 1], use="face"),
-                           "wheel", 0, (1.0, 1.0)).heights for k, name in enumerate(patches.files)]  # fmt: skip
+    alone = [ScanKeys(files=(name,), use="face") for name in patches.files]
+    means = [measured_face(each, "wheel", 0, (1.0, 1.0)).heights for each in alone]
     there = np.mean([np.mean(face**2) for face in means])
     assert np.mean([np.mean(face[:16] ** 2) for face in faces]) == pytest.approx(there, rel=0.1)
     steps = np.concatenate([np.diff(face[:17], axis=0).ravel() for face in faces])
@@ -296,7 +295,7 @@ def test_the_network_takes_measured_faces(strip: ScanKeys, patches: ScanKeys) ->
     provider = build("surrogate", options(strip, patches), CONTEXT)
     check(provider, 6, 6)
     with pytest.raises(ProviderError, match="is 10 mm long, and tile 39 begins at 39 mm"):
-        build("surrogate", options(strip, patches), replace(CONTEXT, seat_tiles=40))
+        build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
     with pytest.raises(ProviderError, match=r"friction\.options\.surface\.axle: no\.sur: cannot be read"):
         load("surrogate", {"surface": {"axle": "no.sur"}})
 
@@ -308,7 +307,7 @@ def test_the_plates_take_measured_faces(strip: ScanKeys, patches: ScanKeys) -> N
     answer = provider.coefficients(TilePairs(one, one - 1, none, none))
     assert 0.05 < answer[0] < 0.1
     with pytest.raises(ProviderError, match="begins at 39 mm"):
-        build("dem", options(strip, patches), replace(CONTEXT, seat_tiles=40))
+        build("dem", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
 
 
 def test_the_command_shows_a_file(strip: ScanKeys, patches: ScanKeys, tmp_path: Path) -> None:
