@@ -21,6 +21,10 @@ EMPTY_LINE = 0.5
 """A line at the border with more missing points than this is cut off [-]."""
 HIGH, SHARP = 5.0, 10.0
 """A spike leaves the median of its 5 x 5 neighbours by so many rms heights, and by so many usual distances [-]."""
+MOST_ROUNDS = 8
+"""How often spikes are looked for, at most."""
+PEAKED = 12.0
+"""Largest height over Sq above which a scan is doubted [-]."""
 SWEEPS = 50
 """Sweeps of relaxation over points that are filled."""
 SMOOTHEST, ROUGHEST = 2e-5, 0.06
@@ -71,11 +75,7 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
     if missing.mean() > MOST_MISSING:
         raise SurfaceError(f"{missing.mean():.0%} of its points are missing: take less than {MOST_MISSING:.0%}")
     heights = filled(heights, missing)
-    spikes = _spikes(without_form(heights, keys)) & ~missing
-    if spikes.mean() > MOST_SPIKES:
-        raise SurfaceError(f"{spikes.mean():.1%} of its points are spikes: measure anew, or filter it first")
-    if spikes.any():
-        heights = filled(heights, missing | spikes)
+    heights, spikes = _without_spikes(heights, missing, keys)
     rest = without_form(heights, keys)
     scan = replace(
         scan,
@@ -174,6 +174,24 @@ def _polynomials(count: int, degree: int) -> FloatArray:
     return basis
 
 
+def _without_spikes(heights: FloatArray, missing: BoolArray, keys: ScanKeys) -> tuple[FloatArray, BoolArray]:
+    """Heights with spikes filled, and where they were: large ones hide smaller ones, and bend the form.
+
+    Raises:
+        SurfaceError: they are too many.
+    """
+    spikes = np.zeros(heights.shape, dtype=np.bool_)
+    for _ in range(MOST_ROUNDS):
+        more = _spikes(without_form(heights, keys)) & ~missing & ~spikes
+        if not more.any():
+            break
+        spikes |= more
+        if spikes.mean() > MOST_SPIKES:
+            raise SurfaceError(f"{spikes.mean():.1%} of its points are spikes: measure anew, or filter it first")
+        heights = filled(heights, missing | spikes)
+    return heights, spikes
+
+
 def _spikes(heights: FloatArray) -> BoolArray:
     """Points that leave their neighbours as no machined face does."""
     from scipy.ndimage import uniform_filter
@@ -257,6 +275,9 @@ def _plausible(scan: Scan, keys: ScanKeys, stated: bool) -> Scan:
             f"its points are {1e3 * max(scan.spacing):.3g} µm apart, coarser than the means over "
             f"{1e3 * 2.0**-keys.levels:.3g} µm that are taken: what lies between is not known"
         )
+    peak = float(np.abs(level).max()) / rms
+    if peak > PEAKED:
+        doubts.append(f"its highest point is {peak:.0f} Sq from the mean plane: are there spikes or scratches left?")
     steep = slope(scan)
     if steep > STEEPEST:
         doubts.append(f"its slope Sdq is {steep:.2g}: are unit and spacing right, is it noise?")
