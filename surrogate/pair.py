@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from meso.surfaces.surface import Body
 
 
+_Source: TypeAlias = "tuple[Body, ScanKeys | None, int]"
+"""A body with its files, or none, and its seed."""
 SMOOTHEST, ROUGHEST = 0.043, 0.22
 """Sq over R of generated faces: the least and the most of 960 with H from 0.5 to 1 [-]."""
 BEYOND = 5.0
@@ -93,20 +95,8 @@ def predict_pair(
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
     keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
-    sources: tuple[tuple[Body, ScanKeys | None, int], ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
-    faces: list[HeightArray] = []
-    findings: list[str] = []
-    doubts: list[str] = []
-    done: list[str] = []
-    for body, source, seed in sources:
-        if source is None:
-            faces.append(generated_face(body, seed, keys, about.points))
-            continue
-        face, did, doubted = measured_face(source, body, seed, about.points)
-        findings += outside_heights(face, body, source.files[0], about.max_height)
-        doubts += [f"{source.files[0]}: {line}" for line in doubted]
-        done += [f"{body}: {line}" for line in did]
-        faces.append(face)
+    sources: tuple[_Source, ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
+    faces, findings, doubts, done = _faces(about, keys, sources)
     if wheel is None or axle is None:
         findings += other_faces(about, keys)
     highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
@@ -127,6 +117,26 @@ def predict_pair(
         doubts=doubts,
         done=done,
     )
+
+
+def _faces(
+    about: Provenance, keys: FaceKeys, sources: tuple[_Source, ...]
+) -> tuple[list[HeightArray], list[str], list[str], list[str]]:
+    """The faces of both bodies; what of those from files was never seen, what may be wrong with them, what was done."""
+    faces: list[HeightArray] = []
+    findings: list[str] = []
+    doubts: list[str] = []
+    done: list[str] = []
+    for body, source, seed in sources:
+        if source is None:
+            faces.append(generated_face(body, seed, keys, about.points))
+            continue
+        face, did, doubted = measured_face(source, body, seed, about.points)
+        findings += outside_heights(face, body, source.files[0], about.max_height)
+        doubts += [f"{source.files[0]}: {line}" for line in doubted]
+        done += [f"{body}: {line}" for line in did]
+        faces.append(face)
+    return faces, findings, doubts, done
 
 
 def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:

@@ -1,11 +1,13 @@
 """The rough face of a plate out of measured surfaces: a place on a strip, or a place on patches dealt to a strip.
 
-A strip lies in place: tile i of the axle covers i ... i + 2 mm of it. Patches are smaller than a body, and what is not
-measured has to be made of what is: pieces, each a patch drawn by the seed, a place on it and a reflection, are laid one
-after the other along the body, as long as a patch and overlapping by `BLEND` of it. In an overlap the heights are
-cos(t) A + sin(t) B, t from 0 to 90 degrees: A and B are independent and of mean 0, so that the variance is theirs
-everywhere (a linear fade would halve it). So neighbouring tiles share what they overlap, as on a real seat. What this
-leaves out: grooves lose their phase at each overlap, and waves longer than a patch are not there.
+A strip lies in place: tile i of the axle covers i ... i + 2 mm of it; where the body goes on, the strip is reflected.
+
+Patches are smaller than a body, and what is not measured has to be made of what is: pieces, each a patch drawn by the
+seed, a place on it and a reflection, are laid one after the other along the body, as long as a patch and overlapping by
+`BLEND` of it. In an overlap the heights are cos(t) A + sin(t) B, t from 0 to 90 degrees: A and B are independent and of
+mean 0, so that the variance is theirs everywhere (a linear fade would halve it). So neighbouring tiles share what they
+overlap, as on a real seat. What this leaves out: grooves lose their phase at each overlap, and waves longer than a patch
+are not there.
 """
 
 from __future__ import annotations
@@ -105,7 +107,7 @@ def measured_face(keys: ScanKeys, body: Body, seed: int, size: tuple[float, floa
         size: length along the slide and width [mm].
 
     Raises:
-        SurfaceError: a file that cannot be used, is too small, or ends before the tile begins.
+        SurfaceError: a file that cannot be used, is too small, or too short for the tile.
     """
     draw, place = divmod(seed, TILES)
     length, width = size
@@ -131,7 +133,7 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
         width: of a tile, and its length [mm].
 
     Raises:
-        SurfaceError: a file that cannot be used, is too small, or ends before the last tile.
+        SurfaceError: a file that cannot be used, is too small, or not half as long as the body.
     """
     found = []
     for body, count in counts.items():
@@ -139,6 +141,9 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
         if scan is None:
             continue
         measured_face(scan, body, min(count, TILES) - 1, (2.0 * width if body == "axle" else width, width))
+        long = scan_of(scan, 0).size[0]
+        if scan.use != "face" and is_strip(scan, width) and count * width > long + width:
+            found.append(f"{scan.files[0]}: is {long:.4g} mm long, the {body} has {count} tiles: it is reflected there")
         found += [f"{name}: {line}" for k, name in enumerate(scan.files) for line in scan_of(scan, k).doubts]
     return found
 
@@ -173,10 +178,10 @@ def _in_the_middle(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _on_strip(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Heights at places along a strip; a tile that reaches over its end is reflected there."""
+    """Heights at places along a strip; beyond its end it is reflected once."""
     scan, width = scan_of(keys, 0), float(y[-1])
     _check_width(scan, keys.files[0], width, width)
-    if x[0] + width > scan.size[0] + scan.spacing[0]:
+    if x[0] + width > 2.0 * scan.size[0]:
         raise SurfaceError(
             f"{keys.files[0]}: is {scan.size[0]:.4g} mm long, and tile {round(x[0] / width)} begins at {x[0]:.4g} mm: "
             "measure a longer strip, or take use = 'patches'"
@@ -189,10 +194,8 @@ class _Piece(NamedTuple):
     """A piece of a patch as it is laid."""
 
     which: int  # patch
-    x: float  # place on it [mm]
-    y: float
-    flip_x: bool
-    flip_y: bool
+    place: tuple[float, float]  # on it [mm]
+    flipped: tuple[bool, bool]  # along, across
 
 
 def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -222,16 +225,17 @@ def _drawn(scans: list[Scan], body: Body, draw: int, number: int, size: tuple[fl
     free = [max(0.0, have - need) for have, need in zip(scans[which].size, size, strict=True)]
     x, y = rng.random(2) * free
     flip = rng.random(2) < 0.5
-    return _Piece(which, float(x), float(y), bool(flip[0]), bool(flip[1]))
+    return _Piece(which, (float(x), float(y)), (bool(flip[0]), bool(flip[1])))
 
 
 def _read(scan: Scan, laid: _Piece, along: FloatArray, y: FloatArray, piece: float) -> FloatArray:
     """Heights of a piece at places along and across it."""
-    x = laid.x + (piece - along[::-1] if laid.flip_x else along)
-    across = laid.y + (y[-1] - y[::-1] if laid.flip_y else y)
+    turned, mirrored = laid.flipped
+    x = laid.place[0] + (piece - along[::-1] if turned else along)
+    across = laid.place[1] + (y[-1] - y[::-1] if mirrored else y)
     heights = area_means(scan, x, across, float(y[1]))
-    heights = heights[::-1] if laid.flip_x else heights
-    return heights[:, ::-1] if laid.flip_y else heights
+    heights = heights[::-1] if turned else heights
+    return heights[:, ::-1] if mirrored else heights
 
 
 def area_means(scan: Scan, x: FloatArray, y: FloatArray, step: float) -> FloatArray:

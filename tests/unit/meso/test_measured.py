@@ -202,8 +202,8 @@ def test_a_strip_lies_in_place(strip: ScanKeys) -> None:
     assert fourth[8, 8] == pytest.approx(point.mean(), abs=2e-4)
     last = measured_face(strip, "axle", tile_seed(1, 9), (2.0, 1.0)).heights
     assert np.allclose(last[17:], last[:16][::-1], rtol=0, atol=1e-12)
-    with pytest.raises(SurfaceError, match="is 10 mm long, and tile 10 begins at 10 mm"):
-        measured_face(strip, "axle", tile_seed(1, 10), (2.0, 1.0))
+    with pytest.raises(SurfaceError, match="is 10 mm long, and tile 20 begins at 20 mm"):
+        measured_face(strip, "axle", tile_seed(1, 20), (2.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -294,6 +294,8 @@ def test_a_scene_names_its_files(strip: ScanKeys, patches: ScanKeys, tmp_path: P
 def test_the_network_takes_measured_faces(strip: ScanKeys, patches: ScanKeys) -> None:
     provider = build("surrogate", options(strip, patches), CONTEXT)
     check(provider, 6, 6)
+    with pytest.warns(UserWarning, match="is 10 mm long, the axle has 15 tiles: it is reflected there"):
+        build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=15))
     with pytest.raises(ProviderError, match="is 10 mm long, and tile 39 begins at 39 mm"):
         build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
     with pytest.raises(ProviderError, match=r"friction\.options\.surface\.axle: no\.sur: cannot be read"):
