@@ -6,8 +6,8 @@ Patches are smaller than a body, and what is not measured has to be made of what
 seed, a place on it and a reflection, are laid one after the other along the body, as long as a patch and overlapping by
 `BLEND` of it. In an overlap the heights are cos(t) A + sin(t) B, t from 0 to 90 degrees: A and B are independent and of
 mean 0, so that the variance is theirs everywhere (a linear fade would halve it). So neighbouring tiles share what they
-overlap, as on a real seat. What this leaves out: grooves lose their phase at each overlap, and waves longer than a patch
-are not there.
+overlap, as on a real seat. Left out: grooves lose their phase at each overlap, and waves longer than a patch are
+not there.
 """
 
 from __future__ import annotations
