@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from importlib import resources
 from pathlib import Path
+from types import ModuleType
 
 import msgspec
 import numpy as np
@@ -20,6 +22,7 @@ from meso.cli import main
 from meso.errors import SettingsError, SurfaceError
 from meso.measured.clean import lay
 from meso.measured.keys import ScanKeys
+from meso.measured.read import read_scan
 from meso.settings import Settings, decode, dump
 from meso.settings import load as load_settings
 from meso.surfaces.face import rough_face
@@ -326,3 +329,38 @@ def test_the_command_shows_a_file(strip: ScanKeys, patches: ScanKeys, tmp_path: 
     assert out.count("waves above 0.8 mm filtered out") == 3
     wrong = CliRunner().invoke(main, ["surface", "--file", strip.files[0], "--unit", "nm"])
     assert wrong.exit_code != 0
+
+
+def test_other_files_are_left_to_surface_topography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its interface as of version 1.27: a reader in a context, heights (nx, ny), sizes in the unit."""
+
+    class Found:
+        unit, physical_sizes = "µm", (1100.0, 1000.0)
+
+        def heights(self) -> np.ndarray:
+            return np.ma.masked_greater(np.arange(110.0 * 100).reshape(110, 100) % 7, 5.5)
+
+        def topography(self) -> Found:
+            return self
+
+        def __enter__(self) -> Found:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+    path = tmp_path / "a.opd"
+    path.write_bytes(b"anything")
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
+    with pytest.raises(SurfaceError, match=r"a\.opd: files \.opd are read by SurfaceTopography, which is not there"):
+        scan_of(keys(path), 0)
+    there = ModuleType("SurfaceTopography")
+    there.open_topography = lambda name: Found()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", there)
+    raw = read_scan(path)
+    assert raw.unit == 1e-3
+    assert raw.spacing == pytest.approx((0.01, 0.01))
+    assert np.isnan(raw.heights).sum() == (np.arange(11000) % 7 == 6).sum()
+    there.open_topography = lambda name: 1 / 0  # type: ignore[attr-defined]
+    with pytest.raises(SurfaceError, match="does not read it"):
+        read_scan(path)
