@@ -13,12 +13,14 @@ from macrofit.base.errors import OutputError
 from macrofit.base.progress import announce, is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
+from .measured.options import asked_scan, scan_options, take_options
 from .presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
     from .settings import Settings
+    from .surfaces.surface import Body
 
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 """Radius ratios in the figures of a calibration [-]."""
@@ -116,6 +118,11 @@ def run(
     help="Figure (.png), heights (.npy, .csv) or hull of the plate (.stl, .vtk, .vtu, .ply); several may be given.",
 )  # fmt: skip
 @click.option("--body", type=click.Choice(["wheel", "axle"]), default="wheel", show_default=True, help="Whose face.")
+@click.option(
+    "--file", "files", multiple=True, type=FILE, metavar="FILE",
+    help="Measured face in place of a generated one (.npy, .csv, .xyz, .sdf, .sur, .x3p, .al3d ...); several: patches.",
+)  # fmt: skip
+@scan_options
 @click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm.")
 @click.option("--max-height", type=float, help="Range R of the random heights of Diamond-Square [mm].")
 @click.option("--rms-height", type=float, help="Sq of the self-affine generator [mm].")
@@ -129,12 +136,13 @@ def run(
 def surface(
     targets: tuple[Path, ...],
     body: Literal["wheel", "axle"],
+    files: tuple[Path, ...],
     seed: int | None,
     overrides: tuple[str, ...],
     preset: str,
     **given: Any,
 ) -> None:
-    """Make the rough face of a body, print its roughness, and write it in the forms asked for.
+    """Make the rough face of a body, or read it from a file, print its roughness, and write it in the forms asked for.
 
     What is not given is as in a run without settings: the face is the very one of its plate.
     """
@@ -144,12 +152,15 @@ def surface(
 
     for target in targets:
         check_surface_file(target)
+    scan = take_options(given)
     if seed is not None:
         given[f"{body}_seed"] = seed
     more = [f"surface.{key}={value}" for key, value in given.items() if value is not None]
     resolved = _load(None, (*overrides, *more), preset)
     edge, slide = resolved.plates.edge, resolved.load.slide
     size = (edge, edge) if body == "wheel" else (edge + slide, edge)
+    if files:
+        resolved = _with_files(resolved, body, files, scan, size)
     face = rough_face(resolved.surface, body, getattr(resolved.surface, f"{body}_seed"), size)
     nx, ny = face.shape
     click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
@@ -276,6 +287,25 @@ def calibrate(
             save(drawn(points, title), folder / f"influence_{name}.png")
         click.echo(f"Influence       {len(points)} pairs of beams  ({time.perf_counter() - started:.1f} s)")
     click.echo(f"Files           {folder}")
+
+
+def _with_files(
+    settings: Settings, body: Body, files: tuple[Path, ...], options: dict[str, Any], size: tuple[float, float]
+) -> Settings:
+    """The settings with a measured face of a body, once it is shown what its files hold."""
+    from msgspec.structs import replace
+
+    from .results.summary import scan_lines
+    from .surfaces.measured import covering
+
+    if len(files) > 1 and options["use"] == "face":
+        options = {**options, "use": "patches"}
+    keys = asked_scan(files, options)
+    keys = covering(keys, size) if keys.use == "face" else keys
+    surface = replace(settings.surface, **{"axle" if body == "axle" else "bore": keys}).found()
+    for line in scan_lines(keys):
+        click.echo(line)
+    return replace(settings, surface=surface)
 
 
 def _load(source: Path | None, overrides: tuple[str, ...], preset: str) -> Settings:

@@ -14,6 +14,7 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.progress import announce, launched
+from meso.measured.options import asked_scan, scan_options, take_options
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
@@ -286,8 +287,9 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
 @main.command()
 @preset_option
 @network_option
-@click.option("--wheel", type=FILE, metavar="FILE", help="Heights of the wheel's face, 1 x 1 mm [mm] (.npy, .csv).")
-@click.option("--axle", type=FILE, metavar="FILE", help="Heights of the axle's face, 2 x 1 mm [mm].")
+@click.option("--wheel", type=FILE, metavar="FILE", help="Measured face of the wheel, 1 x 1 mm (docs/surfaces.md).")
+@click.option("--axle", type=FILE, metavar="FILE", help="Measured face of the axle, 2 x 1 mm.")
+@scan_options
 @click.option("--wheel-seed", type=click.IntRange(0), default=1, show_default=True, help="Where no file is given.")
 @click.option("--axle-seed", type=click.IntRange(0), default=2, show_default=True, help="Where no file is given.")
 @click.option("--max-height", type=float, help="Range R of the random heights [mm] [0.02, or the preset's].")
@@ -329,6 +331,9 @@ def predict(
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
+    scan = take_options(options)
+    for body in ("wheel", "axle"):
+        options[body] = options[body] and asked_scan(options[body], scan)
     given = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent, "form": form}
     tables = on_preset(preset, {"surface": {key: value for key, value in given.items() if value is not None}})
     surface = asdict(decode({"surface": tables["surface"]}).surface)
@@ -336,6 +341,8 @@ def predict(
     pair = predict_pair(predictor, micro_friction, **{key: surface[key] for key in given}, **options)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")
+    for doubt in pair.doubts:
+        complain(f"warning: {doubt}")
     for line in prediction_lines(pair):
         click.echo(line)
     if target is not None:

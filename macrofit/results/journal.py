@@ -176,6 +176,8 @@ def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
 
 
 def _flat(value: Any, where: str) -> dict[str, Any]:
+    if isinstance(value, list | tuple) and any(isinstance(item, str) for item in value):
+        value = {str(number): item for number, item in enumerate(value)}  # names of files among them
     if not isinstance(value, dict):
         return {where: value}
     return {

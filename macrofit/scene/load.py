@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 
 from ..base.errors import nearest
+from ..base.files import placed_names
 from ..base.keys import KeyMistake, decode_tables
 from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override
 from ..errors import SceneError
@@ -132,12 +133,19 @@ def _place_profiles(tables: Mapping[str, Any], folder: Path) -> None:
 
 
 def _place_tables(friction: Mapping[str, Any], named: str, folder: Path) -> dict[str, Any]:
-    """The table [friction] with the path of a table's file made absolute, also where another provider wraps it."""
+    """The table [friction] with the paths of its files made absolute, also where another provider wraps it.
+
+    They are a table's file, and the measured faces of axle and bore.
+    """
     placed = dict(friction)
     options = placed.get("options")
     if isinstance(options, Mapping):
         if placed.get(named) == "table" and isinstance(options.get("file"), str):
             options = {**options, "file": str((folder / options["file"]).resolve())}
+        surface = options.get("surface")
+        if isinstance(surface, Mapping):
+            faces = {key: placed_names(value, folder) for key, value in surface.items() if key in ("axle", "bore")}
+            options = {**options, "surface": {**surface, **faces}}
         placed["options"] = _place_tables(options, "base", folder)
     return placed
 
