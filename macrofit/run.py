@@ -28,6 +28,7 @@ from .results.folder import (
 )
 from .results.journal import Journal, is_journal
 from .results.summary import sentences, summary
+from .results.versions import provenance
 from .scene import Scene, with_script_friction
 from .solution import Solution
 from .solve import solve
@@ -73,7 +74,7 @@ def carry_out(
             raise
         with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
             if comm.rank == 0:
-                lines = write_results(folder, solution, strict=strict)
+                lines = write_results(folder, solution, friction, strict=strict)
     return lines
 
 
@@ -105,8 +106,12 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
             write_interface(folder, scene, seat_ends(scene), curve.records)
 
 
-def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> list[str]:
+def write_results(
+    folder: Path, solution: Solution, friction: GivenFriction | None = None, *, strict: bool = False
+) -> list[str]:
     """Write what is left when all increments are done; gives the summary lines.
+
+    ``friction`` is the object that a script gave in place of the scene's.
 
     Raises:
         OutputError: a file cannot be written.
@@ -114,7 +119,7 @@ def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> 
     """
     from .figures.curves import write_figures
 
-    numbers = summary(solution)
+    numbers = summary(solution) | {"provenance": provenance(solution.scene, friction)}
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_figures(folder, solution)
