@@ -6,7 +6,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,18 @@ def provenance(scene: Scene, given: GivenFriction | None = None) -> dict[str, An
     """
     named = scene.friction
     stated = _stated(named.provider, named.options) if given is None else ScriptFriction(given).digest
-    return {
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "command": shlex.join([_program(sys.argv[0]), *sys.argv[1:]]),
+    return session() | {
         "scene_sha256": scene_digest(scene),
         "files_sha256": file_digests(scene),
         "friction_digest": stated,
+    }
+
+
+def session() -> dict[str, str]:
+    """Date and command."""
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": shlex.join([_program(sys.argv[0]), *sys.argv[1:]]),
     }
 
 
