@@ -71,7 +71,7 @@ def read_seat(path: Path, increments: int) -> Seat | None:
 
 def shown_increments(increments: int, facets: int) -> IntArray:
     """The numbers of as many increments as fit on a page, evenly spaced, the last one among them."""
-    every = max(1, -(-increments * facets // MOST_VALUES))
+    every = -(-increments // max(1, MOST_VALUES // facets))
     return np.arange(increments - 1, -1, -every)[::-1]
 
 
