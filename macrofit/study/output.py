@@ -82,7 +82,7 @@ def write_study(
     rows = [_columns(plan), *(_row(plan, *each) for each in zip(plan.runs, records, verdicts, strict=True))]
     write_text(folder / ROWS, _csv(rows))
     write_text(folder / CURVES, _csv(_curves(plan, records)))
-    figures = write_study_figures(folder, plan, records)
+    figures = write_study_figures(folder, plan, records, verdicts)
     numbers = _totals(plan, records, computed, costs) | {"verdicts": _verdict_totals(plan, verdicts)}
     write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
     drawn = ", ".join(path.name for path in figures)
