@@ -24,6 +24,8 @@ FLATTEST = 0.28
 SHORTEST = 0.13
 """Length of the arrow of the push, over the width of the view."""
 
+LETTER = 5.2
+"""Width of a letter of what is marked [pt]."""
 CANDIDATES = 120
 """Places that are tried for the name of a body."""
 WIDER = 2.2
@@ -50,6 +52,8 @@ def whole_window(bodies: list[BodyField]) -> Window:
     margin = 0.03 * (high - low)
     low, high = low - margin - np.array([margin[0], SHORTEST * (high - low)[1]]), high + margin
     high[0] = max(high[0], low[0] + FLATTEST * (high - low)[1])
+    if low[0] <= 0.0:  # words go below the axis
+        low[0] = min(low[0], -0.07 * high[0])
     return low, high
 
 
@@ -160,8 +164,8 @@ def draw_push(axes: Any, wheel: BodyField, window: Window) -> None:
     _words(axes, np.array([r, 0.5 * (start + rear)]), "push", fontsize=9, ha="center", va="bottom", color=VERMILION)
 
 
-def mark_largest(axes: Any, window: Window, body: str, place: FloatArray, words: str) -> None:
-    """A ring on a place of a body, and words beside it."""
+def mark_largest(axes: Any, window: Window, body: str, place: FloatArray, words: str) -> list[FloatArray]:
+    """A ring on a place of a body, and words beside it; gives the places that other words keep clear of."""
     r, z = place
     right = z < 0.5 * (window[0][1] + window[1][1])
     low = r < window[0][0] + 0.15 * (window[1][0] - window[0][0])
@@ -173,6 +177,10 @@ def mark_largest(axes: Any, window: Window, body: str, place: FloatArray, words:
         arrowprops={"arrowstyle": "-", "color": VERMILION, "relpos": (0.0 if right else 1.0, 0.5)},
         bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": "none", "alpha": 0.85},
     )  # fmt: skip
+    size = axes.get_position().size * axes.figure.get_size_inches() * 72.0  # points
+    point = (window[1] - window[0])[::-1] / size
+    along = np.array([0.0, 0.5, 1.0]) * LETTER * len(words) * (1.0 if right else -1.0)
+    return [place, *(place + point[::-1] * np.array([offset[1], offset[0] + x]) for x in along)]
 
 
 def frame_view(axes: Any, window: Window) -> None:

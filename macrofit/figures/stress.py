@@ -160,15 +160,16 @@ def _marks(solution: Solution, displacement: float) -> dict[str, _Mark]:
 
 
 def _mark(axes: Any, bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark], window: Window) -> list[FloatArray]:
-    """The largest stresses of the run that are in the window, or the largest at a node in it; gives their places."""
+    """The largest stresses of the run that are in the window, or the largest at a node in it; as `mark_largest`."""
     seen = {body: mark for body, mark in marks.items() if inside(mark.place, window)}
-    for body, mark in seen.items():
-        mark_largest(axes, window, body, mark.place, f"{body}, largest of the run: {mark.value:.0f} MPa")
-    if seen:
-        return [mark.place for mark in seen.values()]
-    body, place, value = largest_node(bodies, window)
-    mark_largest(axes, window, body, place, f"{body}, largest here: {value:.0f} MPa")
-    return [place]
+    if not seen:
+        body, place, value = largest_node(bodies, window)
+        return mark_largest(axes, window, body, place, f"{body}, largest here: {value:.0f} MPa")
+    return [
+        place
+        for body, mark in seen.items()
+        for place in mark_largest(axes, window, body, mark.place, f"{body}, largest of the run: {mark.value:.0f} MPa")
+    ]
 
 
 def _centre(bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark]) -> FloatArray:

@@ -176,8 +176,7 @@ def _annotate(axes: Any, window: Window, bodies: Bodies, run: PlannedRun, *, who
             draw_push(axes, bodies["wheel"], window)
     if bodies:
         body, place, value = largest_node(bodies, window)
-        mark_largest(axes, window, body, place, f"{value:.0f} MPa")
-        name_bodies(axes, bodies, window, [place])
+        name_bodies(axes, bodies, window, mark_largest(axes, window, body, place, f"{value:.0f} MPa"))
 
 
 def _title(shown: Shown, run: PlannedRun, row: _Row, panel: _Panel, column: int, *, first: bool) -> str:

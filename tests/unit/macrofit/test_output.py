@@ -20,7 +20,7 @@ from macrofit.base.files import replacing
 from macrofit.bodies import outlook
 from macrofit.errors import OutputError
 from macrofit.figures import curves as plots
-from macrofit.figures.stress import _outline, _split
+from macrofit.figures.body import _outline, _split
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
 from macrofit.results import summary as report
