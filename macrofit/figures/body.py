@@ -61,7 +61,7 @@ def largest_node(bodies: Mapping[str, BodyField], window: Window) -> tuple[str, 
     """The largest von Mises stress at a node in a window: its body, its place and its value [MPa]."""
     found = {}
     for body, field in bodies.items():
-        values = np.where(inside(deformed(field), window), field.von_mises, -1.0)
+        values = np.where(inside(deformed(field), window), field.von_mises, 0.0)
         found[body] = (int(values.argmax()), float(values.max()))
     body = max(found, key=lambda name: found[name][1])
     node, value = found[body]

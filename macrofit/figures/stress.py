@@ -164,6 +164,8 @@ def _mark(axes: Any, bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark]
     seen = {body: mark for body, mark in marks.items() if inside(mark.place, window)}
     if not seen:
         body, place, value = largest_node(bodies, window)
+        if value == 0.0:
+            return []
         return mark_largest(axes, window, body, place, f"{body}, largest here: {value:.0f} MPa")
     return [
         place
