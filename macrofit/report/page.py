@@ -15,8 +15,6 @@ from ..base.files import read_regular
 from ..base.provenance import version
 from ..errors import OutputError
 
-MOST_PICTURES = 1_250_000
-"""Bytes of the pictures in a page, which takes a third more for them; what is left out is named."""
 MOST_BYTES = 100_000_000
 """Size of a file of results that is read."""
 CAPTIONS = {
@@ -64,14 +62,19 @@ class Numbers:
         return found
 
 
-def pictures(folder: Path) -> tuple[list[dict[str, str]], list[str]]:
-    """The pictures of a folder as (caption, address with the whole content), and the names of those too large."""
+def pictures(folder: Path, most: int) -> tuple[list[dict[str, str]], list[str]]:
+    """The pictures of a folder as (caption, address with the whole content), and the names of those left out.
+
+    Args:
+        folder: what a run or a study has written.
+        most: what all of them may have together [bytes]; in the page they take a third more.
+    """
     taken, left, size = [], [], 0
     for name, caption in CAPTIONS.items():
         if not (folder / name).is_file():
             continue
         content = read_regular(folder / name, MOST_BYTES)
-        if size + len(content) > MOST_PICTURES:
+        if size + len(content) > most:
             left.append(name)
             continue
         size += len(content)

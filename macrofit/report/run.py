@@ -22,6 +22,8 @@ from .page import Numbers, inline, pictures, read_json
 from .seat import read_seat, seat_view
 
 NEEDED = ("peak_force_N", "max_von_mises_MPa", "verdict", "doubts", "counters", "versions", "energy_balance")
+MOST_PICTURES = 900_000
+"""Bytes of all pictures, beside what the slider needs."""
 BALANCES = {
     "force_balance": "Largest difference between the pushing force and the reactions of the supports, over the force",
     "energy_balance": "Work of the press against stored and dissipated energy, over the largest of them",
@@ -56,7 +58,7 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
     seat = read_seat(folder / INTERFACE, len(curve["force_N"]))
     view = None if seat is None else seat_view(seat, curve, frame)
     section, no_section = _section(scene)
-    shown, left_out = pictures(folder)
+    shown, left_out = pictures(folder, MOST_PICTURES)
     return {
         "title": printable(scene.title) or folder.resolve().name,
         "folder": printable(str(folder)),

@@ -20,7 +20,9 @@ from .page import MOST_BYTES, Numbers, pictures, read_json
 NEEDED = ("title", "keys", "runs", "statistics", "verdicts", "doubts", "versions")
 MOST_ROWS = 200
 """Runs in the table, and curves in the overlay; all are in the files."""
-MOST_POINTS = 150
+MOST_PICTURES = 1_050_000
+"""Bytes of all pictures, beside the table and the curves."""
+MOST_POINTS = 100
 """Points of a curve of the overlay."""
 COLUMNS = {
     "peak_force_N": ("peak force [kN]", 1e-3), "peak_force_displacement_mm": ("at [mm]", 1.0),
@@ -44,7 +46,7 @@ def study_page(folder: Path) -> dict[str, Any]:
     rows = _table(folder / "study.csv")
     curves = read_curves(folder / "curves.csv")
     references = sum(not run["values"] for run in numbers["runs"]) if numbers["keys"] else 0
-    shown, left_out = pictures(folder)
+    shown, left_out = pictures(folder, MOST_PICTURES)
     return {
         "title": printable(numbers["title"]) or folder.resolve().name,
         "folder": printable(str(folder)),

@@ -363,6 +363,29 @@ def test_what_made_a_run_is_in_its_summary(folder):
     assert made["command"]
 
 
+def test_the_largest_page_is_small_all_the_same(folder, tmp_path):
+    """As many facets and increments as there may be, and pictures beyond the bound: those left out are named."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    head, *rows = (copy / "fitting_curve.csv").read_text().splitlines()
+    (copy / "fitting_curve.csv").write_text("\n".join([head, *(rows * 20)[:500]]) + "\n")
+    rng = np.random.default_rng(1)
+    with h5py.File(copy / "interface.h5", "w") as file:
+        file.attrs["coordinate"] = "z"
+        edges = np.linspace(0.0, 180.0, 1001)
+        file["facet_start"], file["facet_end"] = edges[:-1], edges[1:]
+        file["displacement"] = np.arange(500.0)
+        for name in ("pressure", "traction", "friction"):
+            file[name] = rng.random((500, 1000))
+    for name, size in (("stress.png", 890_000), ("stress_entrance.png", 400_000)):
+        (copy / name).write_bytes(rng.bytes(size))
+    assert macrofit("report", copy).exit_code == 0
+    text = (copy / "report.html").read_text()
+    assert len(text) <= MOST_BYTES
+    assert "Left out for their size: stress_entrance.png." in text
+    assert "428 displacements are left out of this page" in text
+
+
 @pytest.mark.parametrize(("increments", "facets"), [(1, 10), (181, 200), (181, 10_000), (5000, 3000)])
 def test_as_many_displacements_as_fit_a_page(increments, facets):
     shown = shown_increments(increments, facets)
