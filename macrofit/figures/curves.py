@@ -54,10 +54,11 @@ def fitting_curve(solution: Solution) -> Any:
     return figure
 
 
-def curve_sheet(height: float = 4.4) -> tuple[Any, Any]:
-    """A figure with one pair of axes for forces against displacement."""
-    figure = blank(7.0, height)
-    return figure, plain(placed(figure, 0.75, 0.55, 6.1, height - 0.95), grid=False)
+def curve_sheet(below: int = 0) -> tuple[Any, Any]:
+    """A figure with one pair of axes for forces against displacement, and room for so many lines of words below."""
+    room = 0.2 * below
+    figure = blank(7.0, 4.4 + room)
+    return figure, plain(placed(figure, 0.75, 0.55 + room, 6.1, 3.45), grid=False)
 
 
 def draw_windows(axes: Any, judged: Verdict | None, curves: Sequence[tuple[FloatArray, FloatArray]]) -> None:
@@ -95,7 +96,7 @@ def compare(folders: Sequence[Path], target: Path) -> Path:
     curves = [read_curve(folder) for folder in folders]
     scenes = [load_scene(folder / SCENE) if (folder / SCENE).is_file() else None for folder in folders]
     title, labels = called(folders, ["" if scene is None else printable(scene.title) for scene in scenes])
-    figure, axes = curve_sheet()
+    figure, axes = curve_sheet(len(labels))
     styles = ["-", "--", "-.", ":"]
     colours = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK]
     for k, ((displacement, force), label) in enumerate(zip(curves, labels, strict=True)):
@@ -103,7 +104,7 @@ def compare(folders: Sequence[Path], target: Path) -> Path:
         axes.plot(displacement, force / 1e3, style, color=colours[k % len(colours)], lw=1.6, label=label)
     judged = [judge_scene(scene, *curve, {})[0] for scene, curve in zip(scenes, curves, strict=True) if scene]
     draw_windows(axes, common_window(judged), [(displacement, force / 1e3) for displacement, force in curves])
-    legend_beside(axes)
+    figure.legend(loc="lower left", bbox_to_anchor=(0.09, 0.0), frameon=False, fontsize=9)
     label_curve(axes, title)
     return save(figure, target)
 
@@ -125,13 +126,6 @@ def called(folders: Sequence[Path], titles: Sequence[str]) -> tuple[str, list[st
         name if not title else f"{title} ({name})" if title in twice else title
         for name, title in zip(names, titles, strict=True)
     ]
-
-
-def legend_beside(axes: Any) -> None:
-    """A legend where the curves leave room, or below them where there are many."""
-    handles, labels = axes.get_legend_handles_labels()
-    size = 9 if max(map(len, labels), default=0) < 50 else 7.5
-    axes.legend(handles, labels, loc="lower right", fontsize=size, framealpha=0.85, edgecolor="none")
 
 
 def interface(solution: Solution) -> Any:

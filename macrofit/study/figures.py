@@ -11,7 +11,7 @@ import numpy as np
 from ..acceptance import Verdict
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, blank, placed, plain, save
-from ..figures.curves import ZOOM, common_window, curve_sheet, draw_windows, label_curve, legend_beside
+from ..figures.curves import ZOOM, common_window, curve_sheet, draw_windows, label_curve
 from .fields import load_fields
 from .panels import stress_panels
 from .plan import Plan
@@ -58,7 +58,7 @@ def fitting_curves(plan: Plan, records: Sequence[RunRecord], verdicts: Sequence[
     for style, (run, record) in zip(("--", "-.", ":") * len(references), references, strict=False):
         axes.plot(record.displacement, record.force / 1e3, style, color=BLACK, lw=1.6, label=run.label)
     draw_windows(axes, common_window(verdicts), [(record.displacement, record.force / 1e3) for record in records])
-    legend_beside(axes)
+    axes.legend(framealpha=0.85, edgecolor="none", fontsize=9)
     label_curve(axes, plan.title)
     return figure
 
