@@ -501,3 +501,21 @@ def plot(folders: tuple[Path, ...], target: Path) -> None:
     from .figures.curves import compare
 
     click.echo(compare(folders, target))
+
+
+@main.command()
+@click.argument("folder", type=FILE, metavar="DIR")
+@click.option("-o", "--output", "target", type=FILE, metavar="PAGE", help="The page [report.html in DIR].")
+@click.option("--pdf", is_flag=True, help="Print it as PDF too, by chromium or weasyprint where one is there.")
+@click.option("--standard", metavar="NAME", help="Judge by this built-in standard, or by a TOML file of your own.")
+@click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
+def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
+    """Write one HTML page of a run, or of a study: a file that opens without a network.
+
+    It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
+    along the seat, balances and doubts, and what made it. Nothing is computed anew.
+    """
+    from .report import write_report
+
+    for line in write_report(folder, target, pdf=pdf, standard=standard, wheel=wheel):
+        click.echo(line)

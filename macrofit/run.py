@@ -29,6 +29,7 @@ from .results.folder import (
 )
 from .results.journal import Journal, is_journal
 from .results.summary import sentences, summary
+from .results.versions import provenance
 from .scene import Scene, with_script_friction
 from .solution import Solution
 from .solve import solve
@@ -77,7 +78,7 @@ def carry_out(
             raise
         with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
             if comm.rank == 0:
-                lines = write_results(folder, solution, strict=strict, standard=standard)
+                lines = write_results(folder, solution, friction, strict=strict, standard=standard)
     return lines
 
 
@@ -110,9 +111,16 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
 
 
 def write_results(
-    folder: Path, solution: Solution, *, strict: bool = False, standard: Standard | None = None
+    folder: Path,
+    solution: Solution,
+    friction: GivenFriction | None = None,
+    *,
+    strict: bool = False,
+    standard: Standard | None = None,
 ) -> list[str]:
     """Write what is left when all increments are done; gives the summary lines.
+
+    ``friction`` is the object that a script gave in place of the scene's.
 
     Raises:
         OutputError: a file cannot be written.
@@ -120,7 +128,7 @@ def write_results(
     """
     from .figures.curves import write_figures
 
-    numbers = summary(solution, standard)
+    numbers = summary(solution, standard) | {"provenance": provenance(solution.scene, friction)}
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_figures(folder, solution)

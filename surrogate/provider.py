@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 import warnings
 from collections.abc import Callable, Mapping
@@ -126,6 +127,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         self.faces(1.0)
         self._check_dem()
 
+    @property
+    def file(self) -> Path:
+        """The network's file, given or of the package."""
+        shipped = SHIPPED[self._preset()[0]].network(self.network)
+        return shipped if self.model is None else Path(self.model).expanduser()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the network's file, for the record of a run; "" where there is none."""
+        return hashlib.sha256(self.file.read_bytes()).hexdigest() if self.file.is_file() else ""
+
     def faces(self, tile_size: float) -> FaceKeys:
         """How the faces of tiles of this length [mm] are made.
 
@@ -209,10 +221,8 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
-        preset = self._preset()[0]
-        shipped = SHIPPED[preset].network(self.network)
         try:
-            network = load_predictor(shipped if self.model is None else Path(self.model).expanduser())
+            network = load_predictor(self.file)
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
         if network.provenance.faces != "generated":

@@ -9,11 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.files import read_regular
 from ..errors import OutputError
 from .folder import CURVE, read_curve
 
 STUDY_CURVES = "curves.csv"
 """What a study has of all its runs."""
+MOST_BYTES = 100_000_000
+"""Size of the curves of a study."""
 _PLACE, _FORCE = "displacement_mm", "force_N "
 
 
@@ -26,23 +29,33 @@ class LabelledCurve(NamedTuple):
 
 
 def read_curves(folder: Path) -> list[LabelledCurve]:
-    """The curve of a run, or those of all runs of a study.
+    """The curve of a run, or those of all runs of a study, called by the folder's name.
 
     Raises:
         OutputError: there is none, or a file is not one of macrofit.
     """
+    name = folder.name or str(folder)
     path = folder / STUDY_CURVES
     if (folder / CURVE).exists() or not path.exists():
-        return [LabelledCurve(str(folder), *read_curve(folder))]
+        return [LabelledCurve(name, *read_curve(folder))]
+    return [curve._replace(label=f"{name}, {curve.label}") for curve in study_curves(path)]
+
+
+def study_curves(path: Path) -> list[LabelledCurve]:
+    """The curves of all runs of a study, called by what sets them apart.
+
+    Raises:
+        OutputError: the file cannot be read, or is not one of a study.
+    """
     try:
-        head, *rows = list(csv.reader(path.read_text().splitlines()))
+        text = read_regular(path, MOST_BYTES).decode()
+        head, *rows = [row for row in csv.reader(text.splitlines()) if row]
         columns = [np.array([float(cell) for cell in column if cell]) for column in zip(*rows, strict=True)]
-        named = list(zip(head, columns, strict=True))
+        return _labelled(path, list(zip(head, columns, strict=True)))
     except OSError as error:
         raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError:
         raise OutputError(f"{path}: is not the curves of a study: a header, and rows of as many numbers") from None
-    return _labelled(path, named)
 
 
 def _labelled(path: Path, named: list[tuple[str, FloatArray]]) -> list[LabelledCurve]:
@@ -54,7 +67,7 @@ def _labelled(path: Path, named: list[tuple[str, FloatArray]]) -> list[LabelledC
             place = column
         elif name.startswith(_FORCE) and place is not None and len(place) == len(column):
             label = name.removeprefix(_FORCE).partition(": ")
-            found.append(LabelledCurve(f"{path.parent}, {label[2] or label[0]}", place, column))
+            found.append(LabelledCurve(label[2] or label[0], place, column))
         else:
             raise OutputError(f"{path}: is not the curves of a study, its column '{name}' is another")
     return found

@@ -135,8 +135,16 @@ LARGEST_FILE = 1_000_000_000
 
 
 def _header(scene: Scene) -> _Header:
-    text = msgspec.json.encode(scene, order="deterministic")
-    return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, file_digests(scene))
+    return _Header(VERSION, scene_digest(scene), _encoded(scene), file_digests(scene))
+
+
+def _encoded(scene: Scene) -> bytes:
+    return msgspec.json.encode(scene, order="deterministic")
+
+
+def scene_digest(scene: Scene) -> str:
+    """SHA-256 of a resolved scene, in hexadecimal."""
+    return hashlib.sha256(_encoded(scene)).hexdigest()
 
 
 def file_digests(scene: Scene) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import rippled
 from click.testing import CliRunner
+from fakes import fake_field
 from mpi4py import MPI
 from small import small_press
 
@@ -23,6 +25,7 @@ from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
+from macrofit.study.panels import stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
 from macrofit.study.run import carry_out_study
 from macrofit.study.statistics import statistics
@@ -260,6 +263,24 @@ def test_fields_are_drawn_where_they_are_asked_for(scene_file):
     assert {path.name for path in Path("out").glob("*.png")} == {
         "fitting_curves.png", "stress.png", "stress_entrance.png"
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("zoom", [None, 10.0])
+def test_of_later_runs_the_difference_from_the_first_is_drawn(scene_file, zoom):
+    """Panels of the same mesh; one scale for stresses, one about zero for differences."""
+    plan = plan_study(scene_file, ["friction.options.coefficient=0.1,0.2"])
+    first = {18.0: {"axle": fake_field(), "wheel": fake_field(4.0)}}
+    more = {
+        place: {body: dataclasses.replace(field, von_mises=1.5 * field.von_mises) for body, field in bodies.items()}
+        for place, bodies in first.items()
+    }
+    figure = stress_panels(list(zip(plan.runs, (first, more), strict=True)), zoom)
+    limits = [each.get_clim() for axes in figure.axes for each in axes.collections if each.get_array() is not None]
+    stresses, differences = {each for each in limits if each[0] == 0.0}, {each for each in limits if each[0] < 0.0}
+    assert len(stresses) == len(differences) == 1
+    ((low, high),) = differences
+    assert -low == high == pytest.approx(0.5 * stresses.pop()[1])
+    assert "less coefficient = 0.1" in figure.axes[1].get_title()
 
 
 @pytest.mark.parametrize("spoil", [lambda data: data[:-9], lambda data: data[:300] + b"x" + data[301:], None])
