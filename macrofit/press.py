@@ -25,7 +25,7 @@ from .errors import ConvergenceError
 from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
-from .solution import FacetState, Increment, PairFrictionMap, Tiling
+from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
 from .state import State, Step, accepted, nothing_touches, slip_work
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
-
-TILE = 1.0  # mm, length of a friction tile
 
 
 class Engine(Protocol):
@@ -497,8 +495,3 @@ class Press:
             slip_work=-0.5 * moved * float(self.seat.line.normals[:, 0] @ state.shear.sum(axis=1)),
             settled=settled,
         )
-
-
-def tiles(coordinate: FloatArray) -> int:
-    """Number of friction tiles on a contact line."""
-    return max(1, int(np.ceil((coordinate[-1] - coordinate[0]) / TILE - 1e-9)))

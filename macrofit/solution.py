@@ -13,6 +13,8 @@ from .base.arrays import FloatArray, IntArray
 from .friction import TileOverlaps, tile_overlaps
 from .scene.keys import Scene
 
+TILE = 1.0  # mm, length of a friction tile
+
 
 @dataclass(frozen=True, kw_only=True)
 class FacetState:
@@ -208,3 +210,8 @@ def force_balance(increments: Sequence[Increment], reactions: dict[str, FloatArr
     if len(known) == 0:
         return None
     return float(known.max()) / scale if scale > 0.0 else float(known.max())
+
+
+def tiles(coordinate: FloatArray) -> int:
+    """Number of friction tiles on a contact line."""
+    return max(1, int(np.ceil((coordinate[-1] - coordinate[0]) / TILE - 1e-9)))

@@ -1,87 +1,29 @@
-"""The command `macrofit`. What is heavy is imported inside the commands, so that help comes at once."""
+"""The commands of `macrofit`. What is heavy is imported inside the commands, so that help comes at once."""
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterable
-from functools import wraps
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from . import __version__
-from .base.commands import (
+from .. import __version__
+from ..base.commands import (
     FILE,
     SETTINGS,
     Commands,
     complain,
     few_threads,
-    set_option,
 )
-from .base.progress import announce
-from .base.ranks import ending
-from .presets import PRESETS, summary
+from ..base.progress import announce
+from ..base.ranks import ending
+from .options import POSITIVE, changes, completes_key, reads_curves, scene_argument, standard_option
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
-    from .acceptance import Standard
-
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
-
-
-def completes_scene(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Scenes and TOML files, for a shell."""
-    from .base.completion import names_and_files
-    from .scene import scene_names
-
-    return names_and_files(scene_names(), incomplete)
-
-
-def completes_standard(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Standards and TOML files, for a shell."""
-    from .acceptance import standard_names
-    from .base.completion import names_and_files
-
-    return names_and_files(standard_names(), incomplete)
-
-
-def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Keys of the scene and their values, for a shell."""
-    from .base.completion import keys_and_values, values_given
-    from .scene.completion import known_keys
-
-    scene = context.params.get("scene") or next(iter(context.args), None)  # there behind an option without its value
-    return keys_and_values(known_keys(incomplete, scene, values_given(context, "friction.provider")), incomplete)
-
-
-scene_argument = click.argument("scene", shell_complete=completes_scene)
-
-
-def changes(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that change a scene; the command gets both as ``overrides``."""
-
-    @set_option("the scene", completes_key)
-    @click.option(
-        "--preset",
-        type=click.Choice(list(PRESETS)),
-        help=f"Scale the mesh sizes of the scene; a --set of one counts more. For wheelset: {summary()}.",
-    )
-    @wraps(command)
-    def changed(*given: Any, overrides: tuple[str, ...], preset: str | None, **named: Any) -> None:
-        command(*given, overrides=overrides if preset is None else (f"preset={preset}", *overrides), **named)
-
-    return changed
-
-
-standard_option = click.option(
-    "--standard",
-    metavar="NAME|FILE",
-    shell_complete=completes_standard,
-    help="Judge by this built-in standard, or by a TOML file of your own [en-13260].",
-)
+    from ..acceptance import Standard
 
 
 @click.group("macrofit", cls=Commands, context_settings=SETTINGS)
@@ -129,15 +71,15 @@ def run(
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
-        from .base.ranks import made_by_first
-        from .scene import idle_keys, load_scene
+        from ..base.ranks import made_by_first
+        from ..scene import idle_keys, load_scene
 
         resolved, rules = made_by_first(comm, lambda: (load_scene(scene, overrides), asked_standard(standard)))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
-        from .run import carry_out
+        from ..run import carry_out
 
         lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict, standard=rules)
         say_lines(lines, quiet=quiet)
@@ -147,7 +89,7 @@ def asked_standard(named: str | None) -> Standard | None:
     """The standard of `--standard`; None where there is none. Raises StandardError."""
     if named is None:
         return None
-    from .acceptance import load_standard
+    from ..acceptance import load_standard
 
     return load_standard(named)
 
@@ -201,31 +143,15 @@ def study(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
-        from .base.ranks import made_by_first
-        from .study.plan import Plan, plan_study
-        from .study.run import carry_out_study
+        from ..base.ranks import made_by_first
+        from ..study.plan import Plan, plan_study
+        from ..study.run import carry_out_study
 
         def planned() -> Plan:
             return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
 
         plan = made_by_first(comm, planned)
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
-
-
-def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that say how a measured curve is read; the command gets them by the names of `Reading`."""
-    for option in (
-        click.option("--shift", type=float, default=0.0, metavar="MM", help="Add this to the displacements."),
-        click.option("--to", "end", type=float, metavar="MM", help="Use it up to this one."),
-        click.option(
-            "--from", "start", type=float, metavar="MM", help="Use the record from this displacement in it on."
-        ),
-        click.option(
-            "--columns", metavar="D,F", help="Columns of displacement and force, by number or name [found by units]."
-        ),
-    ):
-        command = option(command)
-    return command
 
 
 @main.command()
@@ -269,8 +195,8 @@ def identify(
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target, resumes=False):
-        from .identify.measured import Reading, interval, two_columns
-        from .identify.output import carry_out_identification
+        from ..identify.measured import Reading, interval, two_columns
+        from ..identify.output import carry_out_identification
 
         reading = Reading(columns=two_columns(columns), **of_curve)
         lines = carry_out_identification(
@@ -323,8 +249,8 @@ def judge(
     macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
     macrofit judge wheelset
     """  # noqa: D301 - click wants the character
-    from .identify.measured import Reading, two_columns
-    from .judge import Seat, carry_out_judgement
+    from ..identify.measured import Reading, two_columns
+    from ..judge import Seat, carry_out_judgement
 
     reading = Reading(columns=two_columns(columns), **of_curve)
     seat = Seat(diameter=diameter, length=length, interference=interference)
@@ -358,7 +284,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
     with ending(comm, target, resumes=False):
         if comm.rank < 2:
             import_mesher()
-        from .converge.run import carry_out_convergence
+        from ..converge.run import carry_out_convergence
 
         lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
         for line in [] if quiet else lines:
@@ -372,8 +298,8 @@ def loading(scene: str) -> str:
 
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
     """Print a summary; of a quiet run its doubts alone, as errors are."""
-    from .base.progress import say
-    from .results.doubts import DOUBTFUL
+    from ..base.progress import say
+    from ..results.doubts import DOUBTFUL
 
     for line in lines:
         if not quiet:
@@ -393,7 +319,7 @@ def import_mesher() -> None:
 @main.command()
 def scenes() -> None:
     """List the built-in scenes."""
-    from .scene import load_scene, scene_names
+    from ..scene import load_scene, scene_names
 
     names = scene_names()
     width = max(len(name) for name in names)
@@ -404,7 +330,7 @@ def scenes() -> None:
 @main.command()
 def providers() -> None:
     """List the installed friction providers and where they come from."""
-    from .friction import registry
+    from ..friction import registry
 
     for name, source, target in registry.names():
         click.echo(f"{name}  from {source}, {target}")
@@ -420,7 +346,7 @@ def init(kind: str, target: Path | None) -> None:
     """
     if kind == "meshes":
         import_mesher()
-    from .drafts.write import write_draft
+    from ..drafts.write import write_draft
 
     for file in write_draft(kind, target or Path(f"{kind}.toml")):
         click.echo(f"Written         {file}")
@@ -435,38 +361,18 @@ def init(kind: str, target: Path | None) -> None:
 )  # fmt: skip
 def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
-    from .base.progress import printable
-    from .bodies.outlook import first_touch
-    from .friction import registry
-    from .results.doubts import doubtful_lines
-    from .results.foresight import foreseen
-    from .results.summary import interference_line
-    from .scene import idle_keys, load_scene
-    from .scene.deviation import deviation_of
+    from ..friction import registry
+    from ..results.outlook import outlook
+    from ..scene import idle_keys, load_scene
 
     resolved = load_scene(scene, overrides)
     for line in idle_keys(resolved):
         complain(f"warning: {line}")
     registry.load(resolved.friction.provider, resolved.friction.options)
-    touch = first_touch(resolved)
-    places = resolved.displacements
-    if resolved.title:
-        click.echo(f"Title           {printable(resolved.title)}")
-    if resolved.interference is not None:
-        click.echo(interference_line(resolved.interference))
-    for body in ("axle", "wheel"):
-        deviation = deviation_of(resolved, body)
-        if deviation is not None:
-            click.echo(f"{body.capitalize() + ' profile':<15} {deviation.taken}")
-    if resolved.thermal_strain:
-        click.echo(f"Heated wheel    its bore is wider by {resolved.thermal_strain:.4%} at the start")
-    click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
-    click.echo(f"First touch     {'none' if touch is None else f'at {touch:g} mm'}")
-    click.echo(f"Friction        {resolved.friction.provider}")
-    for line in doubtful_lines(foreseen(resolved)):
+    for line in outlook(resolved):
         click.echo(line)
     if target is not None:
-        from .figures.section import write_section
+        from ..figures.section import write_section
 
         click.echo(f"Section         {write_section(resolved, target)}")
 
@@ -482,11 +388,11 @@ def schema(kind: str) -> None:
     import msgspec
 
     if kind == "scene":
-        from .scene import json_schema as of_kind
+        from ..scene import json_schema as of_kind
     elif kind == "standard":
-        from .acceptance import standard_schema as of_kind
+        from ..acceptance import standard_schema as of_kind
     else:
-        from .acceptance import verdict_schema as of_kind
+        from ..acceptance import verdict_schema as of_kind
     click.echo(msgspec.json.format(msgspec.json.encode(of_kind()), indent=2).decode())
 
 
@@ -498,7 +404,7 @@ def schema(kind: str) -> None:
 )  # fmt: skip
 def plot(folders: tuple[Path, ...], target: Path) -> None:
     """Overlay the fitting curves of folders of runs and studies in one figure."""
-    from .figures.curves import compare
+    from ..figures.curves import compare
 
     click.echo(compare(folders, target))
 
@@ -507,7 +413,7 @@ def plot(folders: tuple[Path, ...], target: Path) -> None:
 @click.argument("folder", type=FILE, metavar="DIR")
 @click.option("-o", "--output", "target", type=FILE, metavar="PAGE", help="The page [report.html in DIR].")
 @click.option("--pdf", is_flag=True, help="Print it as PDF too, by chromium or weasyprint where one is there.")
-@click.option("--standard", metavar="NAME", help="Judge by this built-in standard, or by a TOML file of your own.")
+@standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
 def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
     """Write one HTML page of a run, or of a study: a file that opens without a network.
@@ -515,7 +421,7 @@ def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, w
     It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
     along the seat, balances and doubts, and what made it. Nothing is computed anew.
     """
-    from .report import write_report
+    from ..report import write_report
 
     for line in write_report(folder, target, pdf=pdf, standard=standard, wheel=wheel):
         click.echo(line)
