@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pages
 import pytest
+import scans
 from benchmarks import _book as benchmarks
 from click.testing import CliRunner
 from conftest import LAUNCHER_VARIABLES, launcher_environment
@@ -37,6 +38,18 @@ PRESS = "Displacement [mm];Force [kN]\n" + "".join(f"{s};{max(0.0, s - 10.0) * 5
 """A record such as a reader has: 900 kN at the end of 180 mm of contact."""
 
 
+SCAN = r"\b(?:seat\.sur|bore\d?\.x3p|b\d\.csv)"
+"""Files of measured surfaces that a page takes for granted: a strip of the seat, and patches of the bore."""
+
+
+def scan(name: str) -> bytes:
+    """What a profilometer makes of a strip or a patch, in the format that the name says."""
+    strip = name.startswith("seat")
+    spacing = (0.05, 0.05) if strip else (0.02, 0.02)
+    heights = scans.textured(np.random.default_rng(3), (3800, 20) if strip else (60, 60), spacing)
+    return scans.WRITERS[f"a{Path(name).suffix}"](heights, spacing)
+
+
 class Reader:
     """Somebody who types what a page says, in a folder of his own."""
 
@@ -46,12 +59,15 @@ class Reader:
         self.names: dict[str, Any] = {"__name__": "__main__"}
         self.blocks = pages.blocks(page)
         Path("press.csv").write_text(PRESS)
+        for name in {*re.findall(SCAN, page.read_text())}:
+            Path(name).write_bytes(scan(name))
 
     def read(self) -> None:
         """Take up every file that the page shows, then do what it says."""
         for block in self.blocks:
             if block.title:
                 Path(block.title).write_text(block.text)
+        for block in self.blocks:
             if block.language == "toml":
                 self.understand(block)
         for block in self.blocks:
@@ -76,6 +92,9 @@ class Reader:
         elif any("known" in str(table) for table in tables.values()):
             Path("my.toml").write_text(block.text)
             load_standard("my.toml")
+        elif set(tables) <= set(meso.settings.Settings.__struct_fields__):
+            Path("settings.toml").write_text(block.text)
+            meso.settings.load("settings.toml")
         else:
             whole = {} if "wheel" in tables and "seat_radius" in tables.get("axle", {}) else wheelset()
             build_scene(merged(whole, tables))
@@ -196,7 +215,7 @@ def test_a_block_that_is_not_run_says_why() -> None:
     reasons = [block.not_run for page in pages.PAGES for block in pages.blocks(page) if block.not_run]
     assert all(len(reason) > 20 for reason in reasons)
     assert len(reasons) == sum(len(re.findall(r"^<!-- no run", page.read_text(), re.MULTILINE)) for page in pages.PAGES)
-    assert len(reasons) <= 3
+    assert len(reasons) <= 7
 
 
 def test_the_first_page_is_one_page() -> None:
