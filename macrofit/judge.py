@@ -20,6 +20,8 @@ from .scene import load_scene
 
 EXIT_CODES = {"accepted": 0, "refused": 1, "undecided": 2}
 """What `macrofit judge` ends with."""
+LARGEST_INTERFERENCE = 0.02
+"""Of the diameter [-]; steel yields at a tenth of it."""
 MOST_BYTES = 10_000_000
 """Size of a summary.json; one has a few thousand."""
 
@@ -85,9 +87,30 @@ def _of_curve(path: Path, seat: Seat, reading: Reading, rules: Standard, wheel: 
         missing = [f"--{name} MM" for name in ("diameter", "length") if getattr(seat, name) is None]
         raise OutputError(f"{path}: say what fit the curve is of: {' and '.join(missing)}, as --diameter 190")
     measured = read_measured(path, reading)
+    _check_seat(path, measured, seat.diameter, seat.length, seat.interference or 0.0)
     _check_units(path, measured, seat.length, (rules.window(wheel)[1].high or 0.0) * seat.diameter)
     fit = measured_fit(seat.diameter, seat.length, measured.displacement, measured.force, seat.interference)
     return measured.taken, judge(fit, rules, wheel)
+
+
+def _check_seat(path: Path, measured: Measured, diameter: float, length: float, interference: float) -> None:
+    """Refuse dimensions [mm] that are in other units: no fit has them, and none has such a curve.
+
+    Raises:
+        OutputError: the dimension that is.
+    """
+    way = float(np.ptp(measured.displacement))
+    if interference > LARGEST_INTERFERENCE * diameter:
+        raise OutputError(
+            f"--interference {interference:g}: {interference:g} mm are too much for a diameter of {diameter:g} mm; "
+            f"--diameter, --length and --interference are in mm"
+        )
+    for name, value, other in (("diameter", diameter, length), ("length", length, diameter)):
+        if not other / FAR < value or ("mm" not in measured.assumed and not way / FAR < value):
+            raise OutputError(
+                f"--{name} {value:g}: {value:g} mm are no {name} of a fit that is pressed {way:.4g} mm in {path}; "
+                f"--diameter, --length and --interference are in mm"
+            )
 
 
 def _check_units(path: Path, measured: Measured, length: float, force: float) -> None:

@@ -84,7 +84,9 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True, rename={"final_force": 
     length_mm: Annotated[float, told("Length that seat and bore have in common at the end [mm].")]
     final_force: Annotated[float | None, told("Last force of the curve [N]; null: there is no curve to judge.")]
     en_13260: Annotated[Window | None, told("Window of the final force by EN 13260; null as above.")]
-    gost_11018: Annotated[Window | None, told("The same by GOST 11018, solid wheel of a locomotive.")]
+    gost_11018: Annotated[
+        Window | None, told("The same by GOST 11018, for this wheel, or a solid one of a locomotive.")
+    ]
     checks: Annotated[tuple[Check, ...], told("All checks, in the order of the standard's rules.")]
     sentence: Annotated[str, told("The verdict for people, with every reason.")]
 
@@ -118,7 +120,7 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
     name, _ = rules.window(wheel)
     checks = tuple(_checks(fit, rules, wheel))
     word = _word(checks)
-    european, russian = (None if fit.curve is None else _window(fit, fit.curve, each) for each in WINDOWS)
+    european, russian = (None if fit.curve is None else _window(fit, fit.curve, each, name) for each in WINDOWS)
     return Verdict(
         word=word,
         standard=rules.title,
@@ -281,8 +283,10 @@ def _word(checks: tuple[Check, ...]) -> Word:
     return "accepted" if judged else "undecided"
 
 
-def _window(fit: Fit, curve: Curve, name: str) -> Window:
-    limits = load_standard(name).window()[1].scaled(fit.diameter)
+def _window(fit: Fit, curve: Curve, name: str, wheel: str) -> Window:
+    """The window of a built-in standard for this type of wheel, or its first one where it does not know the type."""
+    standard = load_standard(name)
+    limits = standard.window(wheel if wheel in standard.final_force else None)[1].scaled(fit.diameter)
     assert limits.low is not None  # `load_standard` has looked
     assert limits.high is not None
     return Window(limits.low, limits.high, limits.hold(curve.final.value))

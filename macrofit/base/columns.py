@@ -7,7 +7,7 @@ import numpy as np
 from .arrays import FloatArray
 from .errors import OutputError
 from .textfile import TextTable
-from .units import Heading, Kind, kind_of, known_unit, read_heading
+from .units import Heading, Kind, is_other_unit, kind_of, known_unit, read_heading
 
 
 def find_start(table: TextTable, wanted: str) -> tuple[list[list[str]], list[str]]:
@@ -47,19 +47,20 @@ def find_start(table: TextTable, wanted: str) -> tuple[list[list[str]], list[str
 def headings_of(preamble: list[list[str]], width: int, wanted: set[Kind]) -> list[Heading] | None:
     """What the last rows before the numbers, those of names and of units, say of the columns; None for nothing.
 
-    A row of units has those of all ``wanted`` kinds, or each in brackets.
+    A row of units has those of all ``wanted`` kinds and nothing but units, or each in brackets.
     """
     rows = [cells for cells in preamble if any(cells)]
-    if not rows or len(rows[-1]) != width:
+    if not rows:
         return None
-    last = rows[-1]
+    last = rows[-1] + [""] * (width - len(rows[-1]))  # empty cells at the end of a line are left out
     known = [known_unit(cell.strip("[]() ")) for cell in last]
     kinds = {kind_of(unit) for unit in known if unit is not None}
-    named = all(unit or not cell.strip("[]()- ") for unit, cell in zip(known, last, strict=True))
-    framed = all(cell in ("", "-") or (cell[0] in "[(" and cell[-1] in "])") for cell in last)
-    if not framed and not (named and wanted <= kinds):
+    named = wanted <= kinds and all(unit or is_other_unit(cell) for unit, cell in zip(known, last, strict=True))
+    if len(last) != width or not (named or len(rows[-1]) == width):
+        return None
+    if not named and not all(cell in ("", "-") or (cell[0] in "[(" and cell[-1] in "])") for cell in last):
         return [read_heading(name) for name in last]
-    names = rows[-2] if len(rows) > 1 and len(rows[-2]) == width else [""] * width
+    names = rows[-2][:width] if len(rows) > 1 and len(rows[-2]) >= width else [""] * width
     return [read_heading(name, unit) for name, unit in zip(names, last, strict=True)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -57,12 +58,18 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     except RecursionError:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}") from None
     except tomllib.TOMLDecodeError as error:
-        raise TomlError(f"{source}: not valid TOML: {error}") from None
+        raise TomlError(f"{source}: not valid TOML: {error}{_decimal_comma(text)}") from None
     except ValueError:
         raise TomlError(f"{source}: not valid TOML: an integer of thousands of digits") from None
     if depth_of(tables) > DEEPEST:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}")
     return tables
+
+
+def _decimal_comma(text: str) -> str:
+    """A word on the first number that is written with a decimal comma, ``key = 90,125``; empty where there is none."""
+    found = re.search(r"^[ \t]*[\w.\"-]+[ \t]*=[ \t]*([-+]?\d+),(\d+)[ \t]*(?:#.*)?$", text, re.MULTILINE)
+    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
 
 
 def depth_of(value: Any) -> int:

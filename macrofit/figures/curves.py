@@ -12,7 +12,7 @@ from ..acceptance import Verdict, judge_scene, verdict
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, blank, placed, plain, save
 from ..base.progress import printable
-from ..results.curves import read_curves
+from ..results.curves import read_curves, without_rounding
 from ..results.folder import SCENE
 from ..scene import load_scene
 from .friction import friction
@@ -45,7 +45,8 @@ def write_figures(folder: Path, solution: Solution) -> list[Path]:
 def fitting_curve(solution: Solution) -> Any:
     """Pushing force against displacement, its peak marked, with the windows of EN 13260 and GOST 11018 that apply."""
     figure, axes = curve_sheet()
-    displacement, force = solution.displacement, solution.force / 1e3
+    normal = np.array([record.normal_force for record in solution.increments])
+    displacement, force = solution.displacement, without_rounding(solution.force, normal) / 1e3
     axes.plot(displacement, force, color=BLUE, lw=1.8)
     judged, _ = verdict(solution)
     draw_windows(axes, judged, [(displacement, force)])
@@ -153,7 +154,7 @@ def interface(solution: Solution) -> Any:
                 _bound(axes, record, solution.seat)
             else:
                 style = {"fontsize": 9.5, "fontweight": "bold", "ha": "right", "va": "top"}
-                axes.annotate(f"{record.displacement:g} mm", (0.985, 0.93), xycoords="axes fraction", **style)
+                axes.annotate(_stage(solution, record), (0.985, 0.93), xycoords="axes fraction", **style)
         _same_limits(rows, solution.seat)
         rows[0].set_title(label, fontsize=10, loc="left")
         rows[-1].set_xlabel(f"{coordinate} [mm]")
@@ -193,6 +194,13 @@ def _contact_length(solution: Solution) -> float:
     loaded = np.flatnonzero(solution.increments[-1].facets.pressure > 0.0)
     first, last = (loaded[0], loaded[-1] + 1) if len(loaded) else (0, -1)
     return float(solution.seat[last] - solution.seat[first])
+
+
+def _stage(solution: Solution, record: Increment) -> str:
+    """Where the wheel is in an increment, and in which one where it was there in others too: while it cools."""
+    same = [k for k, each in enumerate(solution.increments, start=1) if each.displacement == record.displacement]
+    which = [k for k in same if solution.increments[k - 1] is record]
+    return f"{record.displacement:g} mm" + (f", increment {which[0]}" if len(same) > 1 else "")
 
 
 def _stages(records: Sequence[Increment]) -> list[Increment]:

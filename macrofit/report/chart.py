@@ -124,13 +124,13 @@ def bands(frame: Frame, windows: Sequence[Window]) -> Markup:
 
 def names(frame: Frame, windows: Sequence[Window]) -> Markup:
     """What the windows are called and their numbers, above the curves."""
-    return Markup("").join(
-        Markup('<text x="{}" y="{:.1f}" class="note">{}: {:.0f} to {:.0f} kN at the end</text>').format(
-            LEFT + 8.0, float(frame.up(min(window.high, frame.y1))) + 14.0 + 16.0 * k, window.name, window.low,
-            window.high,
-        )
-        for k, window in enumerate(_within(frame, windows))
-    )  # fmt: skip
+    said: list[Markup] = []
+    above = 0.0
+    for window in sorted(_within(frame, windows), key=lambda each: -each.high):
+        above = max(float(frame.up(min(window.high, frame.y1))) + 14.0, above + 16.0 if said else 0.0)
+        text = Markup('<text x="{}" y="{:.1f}" class="note">{}: {:.0f} to {:.0f} kN at the end</text>')
+        said.append(text.format(LEFT + 8.0, above, window.name, window.low, window.high))
+    return Markup("").join(said)
 
 
 def _within(frame: Frame, windows: Sequence[Window]) -> list[Window]:

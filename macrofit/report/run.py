@@ -15,6 +15,7 @@ from ..base.arrays import FloatArray
 from ..base.figure import BLUE, VERMILION
 from ..base.progress import printable
 from ..errors import MacrofitError
+from ..results.curves import without_rounding
 from ..results.folder import CURVE, INTERFACE, SCENE, SUMMARY, read_table
 from ..scene import Scene, load_scene
 from .chart import Frame, Window, bands, names, path, span
@@ -54,7 +55,8 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
     if standard is not None:
         numbers = numbers | {"verdict": _judged(scene, curve, numbers, standard, wheel)}
     verdict = None if numbers["verdict"] is None else msgspec.convert(numbers["verdict"], Verdict)
-    frame = curve_frame(curve)
+    clear = {**curve, "force_N": without_rounding(curve["force_N"], curve["normal_force_N"])}
+    frame = curve_frame(clear)
     seat = read_seat(folder / INTERFACE, len(curve["force_N"]))
     view = None if seat is None else seat_view(seat, curve, frame)
     section, no_section = _section(scene)
@@ -68,7 +70,7 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
         "section": section,
         "no_section": no_section,
         "keys": list(_keys(scene)),
-        "curve": _curve(curve, frame, verdict, Markup("") if view is None else view["dot"]),
+        "curve": _curve(clear, frame, verdict, Markup("") if view is None else view["dot"]),
         "seat": view,
         "pictures": shown,
         "left_out": left_out,

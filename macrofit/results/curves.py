@@ -17,6 +17,8 @@ STUDY_CURVES = "curves.csv"
 """What a study has of all its runs."""
 MOST_BYTES = 100_000_000
 """Size of the curves of a study."""
+ROUNDING = 1e-9
+"""A force below this share of the largest normal force is rounding: that of a wheel which cools in place."""
 _PLACE, _FORCE = "displacement_mm", "force_N "
 
 
@@ -26,6 +28,11 @@ class LabelledCurve(NamedTuple):
     label: str
     displacement: FloatArray  # mm
     force: FloatArray  # N
+
+
+def without_rounding(force: FloatArray, normal_force: FloatArray) -> FloatArray:
+    """Forces [N] for people, with those set to 0 that are rounding beside the normal forces [N]."""
+    return np.where(np.abs(force) < ROUNDING * float(normal_force.max(initial=0.0)), 0.0, force)
 
 
 def read_curves(folder: Path) -> list[LabelledCurve]:

@@ -10,6 +10,7 @@ import numpy as np
 from ..acceptance import Standard, verdict
 from ..acceptance.run import holding
 from ..scene import Disc
+from .curves import without_rounding
 from .doubts import doubtful_lines, doubts
 from .versions import versions
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 def summary(solution: Solution, standard: Standard | None = None) -> dict[str, Any]:
     """The numbers of summary.json, keys with their units; ``standard`` judges. A number that does not exist is None."""
-    scene, records, force = solution.scene, solution.increments, solution.force
+    scene, records = solution.scene, solution.increments
+    force = without_rounding(solution.force, np.array([record.normal_force for record in records]))
     top = int(np.argmax(force)) if records else None
     judged, reason = verdict(solution, standard)
     radial = None if scene.interference is None else round(scene.interference, 12)  # 95 - 94.7 = 0.29999...

@@ -8,6 +8,7 @@ linear; beyond the first and the last it keeps their values.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +26,8 @@ MOST_BYTES = 50_000_000
 """Size of a profile; 200 mm at a step of a micrometre have 5 MB."""
 LARGEST_DEVIATION = 0.02
 """Largest deviation, in radii of the seat: what small strain allows an interference."""
+DIAMETER = re.compile(r"diam|durchm|[øØ⌀]|\bd[ui]a\b|\bd\b", re.IGNORECASE)
+"""What the heading of a column says that holds diameters."""
 UNCOVERED = 0.05
 """How much of the fit's length a profile may leave out at either end, where a probe does not reach [-]."""
 
@@ -104,6 +107,7 @@ def read_profile(file: Path, key: str) -> Deviation:
     headings = headings_of(preamble, 2, {"length"})
     lines, values = numbers_of(table, len(preamble), 2, (0, 1))
     stated = [None, None] if headings is None else [_unit(file, heading) for heading in headings]
+    _check_radius(file, headings)
     _check_rows(file, lines, values)
     unit = stated[1] or "µm"
     z, value = values[:, 0] * LENGTHS[stated[0] or "mm"], values[:, 1] * LENGTHS[unit]
@@ -126,6 +130,19 @@ def _unit(file: Path, heading: Heading) -> str | None:
     if strange is not None:
         raise OutputError(f"{file}: unit '{strange}' in its header is not known: take mm, cm, m, in or um")
     return heading.unit
+
+
+def _check_radius(file: Path, headings: list[Heading] | None) -> None:
+    """Refuse a column that is headed as one of diameters: it would count twice.
+
+    Raises:
+        OutputError: it is.
+    """
+    name = "" if headings is None else headings[1].name
+    if DIAMETER.search(name.lower()):
+        raise OutputError(
+            f"{file}: '{name}' in its header is of the diameter; halve the numbers and write deviation of the radius"
+        )
 
 
 def _check_rows(file: Path, lines: list[int], values: FloatArray) -> None:
@@ -191,7 +208,7 @@ def _check_drawn(scene: Scene, body: str, found: Deviation) -> None:
     else:
         return
     written = np.abs(found.value * 1e3 if found.assumed else found.value)
-    if found.assumed and any(abs(written.mean() / full - 1.0) < 0.2 for full in (radius, 2.0 * radius)):
+    if any(abs(written.mean() / full - 1.0) < 0.2 for full in (radius, 2.0 * radius)):
         raise SceneError(
             f"{found.key}: are these radii or diameters? give what they deviate by from {body}'s drawn radius, "
             f"{radius:g} mm, in um"

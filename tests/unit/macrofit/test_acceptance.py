@@ -245,6 +245,11 @@ def test_types_of_wheel_have_windows_of_their_own():
         1.08e6: ["locomotive-solid", "composite"],
         1.18e6: ["composite"],
     }
+    for wheel, window in (("emu", (651.7e3, 1026e3)), (None, (744.8e3, 1117.2e3))):
+        judged = judge(fit(ramp()), rules, wheel)
+        assert judged.gost_11018 is not None
+        assert (judged.gost_11018.low, judged.gost_11018.high) == pytest.approx(window), "what the sentence says"
+        assert (judged.check("final_force").low, judged.check("final_force").high) == pytest.approx(window)
     with pytest.raises(StandardError, match="no wheel 'tram'; it has locomotive-solid, composite, emu"):
         judge(fit(ramp()), rules, "tram")
 
@@ -391,6 +396,13 @@ def test_what_cannot_be_judged_is_one_line(curve_file, tmp_path):
         ((tmp_path / "none",), "no such file or folder"),
         ((curve_file("ramp"), *SEAT, "--standard", "din"), "no standard 'din'"),
         ((curve_file("ramp"), *SEAT, "--wheel", "emu"), "no wheel 'emu'"),
+        (
+            (curve_file("ramp"), "--diameter", 0.19, "--length", 0.18),
+            "--diameter 0.19: 0.19 mm are no diameter",
+        ),
+        ((curve_file("ramp"), "--diameter", 190, "--length", 0.18), "--length 0.18: 0.18 mm are no length of a fit"),
+        ((curve_file("ramp"), "--diameter", 1.9e5, "--length", 180), "--length 180: 180 mm are no length of a fit"),
+        ((curve_file("ramp"), *SEAT, "--interference", 290), "290 mm are too much for a diameter of 190 mm"),
         ((tmp_path,), "holds no run of macrofit"),
         ((tmp_path, *SEAT), "leave those options out"),
     ):

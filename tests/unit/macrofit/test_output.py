@@ -26,7 +26,7 @@ from macrofit.figures.stress import stress
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
 from macrofit.results import summary as report
-from macrofit.results.curves import read_curves
+from macrofit.results.curves import read_curves, without_rounding
 from macrofit.scene import build_scene, load_scene
 from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
@@ -308,6 +308,13 @@ def test_figures_are_drawn(tmp_path):
     }  # fmt: skip
     for path in paths:
         assert path.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_rounding_is_no_force_for_people():
+    """A wheel that cools in place needs no force: what is left of 1e-9 of the normal forces is said and drawn as 0."""
+    force, normal = np.array([1.8e-8, -9e-9, 2.0, 5e5]), np.array([0.0, 8e6, 8e6, 8e6])
+    assert without_rounding(force, normal).tolist() == [0.0, 0.0, 2.0, 5e5]
+    assert without_rounding(force[:0], normal[:0]).tolist() == []
 
 
 def test_figures_without_contact_or_fields(tmp_path):

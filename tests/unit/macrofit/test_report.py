@@ -22,7 +22,7 @@ from browser import Browser, browser
 from click.testing import CliRunner
 
 from macrofit.cli import main
-from macrofit.report.chart import Frame, ticks
+from macrofit.report.chart import Frame, Window, names, ticks
 from macrofit.report.pdf import found_browser
 from macrofit.report.seat import MOST_VALUES, shown_increments
 
@@ -120,7 +120,7 @@ def rounded(text: str, value: float) -> bool:
     shown = re.match(r"-?[\d.]+(e[-+]?\d+)?", text)[0]
     digits = len(re.sub(r"e.*|[-.]", "", shown).lstrip("0")) or 1
     room = 0.51 * 10.0 ** (1 - digits) * abs(float(shown))
-    return any(abs(float(shown) - factor * value) <= room for factor in (1.0, 1e-3, 100.0))
+    return any(abs(float(shown) - factor * value) <= room for factor in (1.0, 1e-3, 1e-6, 100.0))
 
 
 @with_browser
@@ -135,9 +135,8 @@ def test_the_numbers_on_the_page_are_those_of_the_summary(folder, page):
         assert rounded(text, wanted[key]), (key, text, wanted[key])
     missing = {key for key in wanted if not NOT_SHOWN.match(key)} - {key for key, *_ in shown}
     assert not missing
-    assert {"verdict.checks.2.value", "beyond_yield.axle.depth_mm", "plastic_strain.wheel.area_mm2"} <= {
-        key for key, *_ in shown
-    }
+    asked = {"verdict.checks.2.value", "beyond_yield.axle.depth_mm", "plastic_strain.wheel.area_mm2"}
+    assert asked | {"holding.push_off_N", "holding.torque_N_mm"} <= {key for key, *_ in shown}
 
 
 @with_browser
@@ -349,7 +348,7 @@ def test_a_run_of_an_older_version_has_a_page_without_what_it_did_not_record(fol
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     numbers = json.loads((copy / "summary.json").read_text())
-    del numbers["provenance"]
+    del numbers["provenance"], numbers["holding"]
     (copy / "summary.json").write_text(json.dumps(numbers))
     assert macrofit("report", copy).exit_code == 0
     assert "not recorded" in (copy / "report.html").read_text()
@@ -392,6 +391,14 @@ def test_as_many_displacements_as_fit_a_page(increments, facets):
     assert shown[-1] == increments - 1
     assert len(shown) * facets <= max(MOST_VALUES, facets)
     assert len(set(np.diff(shown))) <= 1
+
+
+def test_names_of_windows_do_not_lie_on_each_other():
+    frame = Frame(x0=0.0, x1=170.0, y0=0.0, y1=1250.0)
+    close = [Window(name="A", low=612.0, high=1045.0), Window(name="B", low=794.0, high=1100.0)]
+    heights = [float(y) for y in re.findall(r' y="([\d.]+)"', names(frame, close))]
+    assert len(heights) == 2
+    assert heights[1] - heights[0] >= 15.9
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (0.0, 2728.5), (-3e-3, 1e-2), (100.0, 101.0)])
