@@ -21,7 +21,7 @@ from .scene import load_scene
 EXIT_CODES = {"accepted": 0, "refused": 1, "undecided": 2}
 """What `macrofit judge` ends with."""
 LARGEST_INTERFERENCE = 0.02
-"""Of the diameter [-]; steel yields at a tenth of it."""
+"""Interference over the diameter; steel yields at a tenth of it."""
 MOST_BYTES = 10_000_000
 """Size of a summary.json; one has a few thousand."""
 
