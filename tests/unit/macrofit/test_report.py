@@ -348,7 +348,7 @@ def test_a_run_of_an_older_version_has_a_page_without_what_it_did_not_record(fol
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     numbers = json.loads((copy / "summary.json").read_text())
-    del numbers["provenance"], numbers["holding"]
+    del numbers["provenance"], numbers["holding"], numbers["heat"]
     (copy / "summary.json").write_text(json.dumps(numbers))
     assert macrofit("report", copy).exit_code == 0
     assert "not recorded" in (copy / "report.html").read_text()
