@@ -78,11 +78,16 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 @click.option("--pairs", type=click.IntRange(1), required=True, help="Of surfaces, counted from the first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
 @preset_option
+@click.option(
+    "--design", type=click.Choice(["narrow", "wide"]), default="narrow", show_default=True,
+    help="Ranges: R 5-40 µm at one pressure; or R 1-100 µm, 20-520 MPa, tiles and strips, a third with a lay, micro "
+    "coefficients to 0.3, at constant force.",
+)  # fmt: skip
 @click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
 @set_option("the plates' settings")
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
-    help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
+    help="How many coefficients per pair, one in each part of the range; or the coefficients themselves.",
 )  # fmt: skip
 @click.option(
     "--max-height", callback=numbers(float, 2), metavar="LOW,HIGH",
@@ -105,6 +110,7 @@ def generate(
     path: Path,
     overrides: tuple[str, ...],
     preset: str,
+    design: str,
     spheres: int | None,
     jobs: int | None,
     quiet: bool,
@@ -122,16 +128,18 @@ def generate(
         if workers is None:
             return
         from .data.database import describe_database
+        from .data.design import SETTINGS_OF_DESIGN
         from .data.generate import generate_samples as fill
         from .data.monitor import on_screen
         from .data.sample import design_on_preset, plate_settings
 
         ranges = {"max_height": max_height, "hurst_exponent": hurst}
         both = {name: given and (given[0], given[-1]) for name, given in ranges.items()}
-        design = design_on_preset(preset, **both, **options)
-        settings = plate_settings(([] if spheres is None else [f"plates.spheres={spheres}"]) + [*overrides], preset)
+        drawn = design_on_preset(preset, design, **both, **options)
+        changes = [*SETTINGS_OF_DESIGN[design], *([] if spheres is None else [f"plates.spheres={spheres}"]), *overrides]
+        settings = plate_settings(changes, preset, drawn)
         try:
-            fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
+            fill(path, drawn, settings, pairs, workers, on_screen(quiet=quiet))
         except KeyboardInterrupt:
             complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
             if (comm := ranks()) is not None:
