@@ -44,6 +44,11 @@ network_option = click.option(
 )  # fmt: skip
 
 
+device_option = click.option(
+    "--device", metavar="cpu|cuda", help="Where torch computes [a GPU where there is one].",
+)  # fmt: skip
+
+
 def network_file(network: str, shipped: Shipped) -> Path:
     """The file of a network that is named, or is a file."""
     return {"energy": shipped.energy, "cnn": shipped.cnn}.get(network, Path(network))
@@ -181,7 +186,7 @@ def ranks() -> MPI.Comm | None:
 
 
 @main.command()
-@click.argument("database", type=FILE, metavar="DB.h5|TABLE.csv")
+@click.argument("databases", type=FILE, nargs=-1, required=True, metavar="DB.h5|TABLE.csv...")
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.safetensors", help="The network.")
 @click.option(
     "--architecture", type=click.Choice(["energy", "paper"]), default="energy", show_default=True,
@@ -204,9 +209,10 @@ def ranks() -> MPI.Comm | None:
 )  # fmt: skip
 @click.option("--points", type=click.IntRange(5), help="Of a face along 1 mm, such as 17 [those of the database].")
 @click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
+@device_option
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
-    """Train the network on a database; 30 % of its surfaces are held back.
+def train(databases: tuple[Path, ...], path: Path, quiet: bool, **options: Any) -> None:
+    """Train the network on a database, or on several; 30 % of the surfaces are held back.
 
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
@@ -221,9 +227,10 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
     if not path.resolve().parent.is_dir():
         raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
-    found = open_samples(database)
+    found, *more = (open_samples(database) for database in databases)
+    beside = [(other.samples, other.header.plates) for other in more]
     resume = path.with_suffix(".state.safetensors")
-    trained = fit(found.samples, plates=found.header.plates, resume=resume, **options)
+    trained = fit(found.samples, plates=found.header.plates, beside=beside, resume=resume, **options)
     save_checkpoint(path, trained.model, trained.provenance)
     label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
     written = [path, *write_curves(trained.curves, path.with_suffix(""), label, trained.others)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -190,6 +190,18 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.id)
+
+
+def select_samples(samples: Samples, rows: IntArray) -> Samples:
+    """Select some of the samples, in the order of `rows`."""
+    return Samples(**{name: column[rows] for name, column in vars(samples).items()})
+
+
+def joined_samples(parts: Sequence[Samples]) -> Samples:
+    """All samples of the parts, one part after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
 def content_hash(samples: Samples) -> str:
