@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from macrofit.base.arrays import FloatArray
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
 YOUNGS_MODULUS_SLACK = 0.03
@@ -94,6 +95,10 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     def load(self) -> float:
         """Normal force before the slide [N]."""
         return self.pressure * self.edge**2
+
+    def on_steel(self, pressure: FloatArray) -> FloatArray:
+        """Normal force on steel that presses plates as this pressure does these [N]: it goes with 1/E."""
+        return pressure * (self.edge**2 * YOUNGS_MODULUS / self.youngs_modulus)
 
     @property
     def dynamic(self) -> bool:

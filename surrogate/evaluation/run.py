@@ -43,9 +43,10 @@ def evaluate_network(
     judged = [load_checkpoint(path) for path in (network, *compared)]
     plates = found.header.plates
     for _, origin in judged:
-        require_unseen(found.samples, origin, plates.form)
-        require_same_plates(database, plates, origin)
-    data = arrange_tests(found.whole_pairs)
+        require_unseen(found.samples, origin)
+        pressures = found.samples.pressure
+        require_same_plates(database, plates, origin, (float(pressures.min()), float(pressures.max())))
+    data = arrange_tests(found.whole_pairs, plates)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)
     others = [mean_line(data)] if plates.dynamic else []  # a foundation has no loss

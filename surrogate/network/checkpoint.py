@@ -30,6 +30,10 @@ Architecture = Literal["energy", "paper"]
 Model: TypeAlias = FoundationEnsemble | LallemanCNN | LallemanEnsemble
 ENTRY = "macrofit-surrogate"
 SCHEMA = 1
+Control: TypeAlias = Literal["displacement", "force"]
+"""What is held while sliding."""
+PRESSURE_SLACK = 0.05
+"""How far a pressure may lie outside those learned from [-]; it is worth less than 0.1 % of a coefficient."""
 LARGEST_FILE = 200_000_000
 """Upper bound of a file that is read [bytes]."""
 
@@ -45,11 +49,12 @@ class EnsembleOptions(
     width: int = 24
     positions: int = 5
     constant: bool = False
+    wide: bool = False
 
     def build_network(self) -> FoundationEnsemble:
         """Build the network, untrained."""
         return FoundationEnsemble(
-            self.stiffness, self.load, self.members, self.width, self.positions, constant=self.constant
+            self.stiffness, self.load, self.members, self.width, self.positions, self.constant, self.wide
         )
 
 
@@ -98,6 +103,18 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """Smallest and largest Hurst exponent [-]."""
     micro_friction: tuple[float, float]
     """Smallest and largest micro coefficient [-]."""
+    pressure: tuple[float, float] | None = None
+    """Smallest and largest pressure at the modulus of the plates [MPa]; None: theirs alone."""
+    controls: tuple[Control, ...] = ()
+    """What was held while sliding; none: that of the plates."""
+    forms: tuple[str, ...] = ()
+    """Forms of the faces; none: that of the plates."""
+    lays: tuple[str, ...] = ()
+    """Lays of the faces; none: that of the plates."""
+    seeds_of_form: dict[str, tuple[int, int]] = {}
+    """`surface_seeds` of each form; none: those of the plates' form."""
+    device: str = "cpu"
+    """Device of torch on which it was trained."""
     validation_error: dict[str, float]
     """Mean relative error [-] on the validation pairs by micro coefficient."""
     validation_r2: float
@@ -105,6 +122,32 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     versions: dict[str, str]
     """Versions of the packages that trained the network."""
     schema: int = SCHEMA
+
+    @property
+    def wide(self) -> bool:
+        """Whether pressure and modulus, as p/E, are inputs."""
+        return self.pressure is not None
+
+    def at_modulus(self, pressure: float, youngs_modulus: float) -> float:
+        """The pressure on plates of the network's modulus for which p/E is the same [MPa]."""
+        return pressure * self.plates.youngs_modulus / youngs_modulus
+
+    def unlike(self, asked: Plates) -> list[str]:
+        """In which keys plates are others than the network knows, in words; see `Plates.unlike`."""
+        known = self.plates
+        if self.pressure is None:
+            return known.unlike(asked)
+        findings, (low, high) = [], self.pressure
+        pressure = self.at_modulus(asked.pressure, asked.youngs_modulus)
+        if not low * (1.0 - PRESSURE_SLACK) <= pressure <= high * (1.0 + PRESSURE_SLACK):
+            at = (
+                f" at youngs_modulus = {asked.youngs_modulus:g}" if asked.youngs_modulus != known.youngs_modulus else ""
+            )
+            findings.append(f"load.pressure = {asked.pressure:g}{at} is outside {low:.3g} ... {high:.3g} MPa on steel")
+        if asked.control not in self.controls:
+            findings.append(f"load.control = '{asked.control}' is not '{' or '.join(self.controls)}'")
+        same = {"pressure": known.pressure, "youngs_modulus": known.youngs_modulus, "control": known.control}
+        return findings + known.unlike(msgspec.structs.replace(asked, **same))
 
     @property
     def architecture(self) -> Architecture:
