@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-import torch
-from torch import Tensor
+import numpy.typing as npt
 
 from macrofit.base.arrays import BoolArray, HeightArray, IntArray
 from meso.settings import FaceKeys
@@ -20,10 +20,11 @@ from meso.surfaces.surface import TILES, Body, tile_seed
 
 from .data.faces import generated_face
 from .errors import PredictionError
-from .network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
+from .network.inference import PAIRS_PER_CHUNK, Single, TrainedEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
 
+T = TypeVar("T", bound=np.generic)
 TILES_AHEAD = 4
 """Tiles ahead of a pair that are looked at for more pairs."""
 
@@ -57,9 +58,8 @@ class Tiles:
             "wheel": _Side(self.counts[1], (n + 1, n + 1)),
         }
         self._row = np.full(self.counts, -1, dtype=np.int32)  # of a pair, below
-        members = len(predictor.model.first) if isinstance(predictor.model, FoundationEnsemble) else 0
-        self._laws = torch.empty(0, 3, members)  # with room for more pairs
-        self._in_contact = torch.empty(0, dtype=torch.bool)
+        self._laws: Single | None = None  # with room for more pairs
+        self._in_contact: BoolArray = np.empty(0, dtype=np.bool_)
 
     def predict(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
         """The coefficients of pairs of tiles, as the network gives them for their faces, to the bit.
@@ -70,17 +70,14 @@ class Tiles:
         self._check("axle", seat)
         self._check("wheel", bore)
         model = self.predictor.model
-        if not isinstance(model, FoundationEnsemble):
+        if not isinstance(model, TrainedEnsemble):
             return self._whole(seat, bore, micro)
-        with torch.inference_mode():
+        rows = self._row[seat, bore]
+        if rows.min(initial=0) < 0 or self._laws is None:
+            self._prepare(model, *self._wanted(seat, bore, rows < 0))
             rows = self._row[seat, bore]
-            if rows.min(initial=0) < 0:
-                self._prepare(model, *self._wanted(seat, bore, rows < 0))
-                rows = self._row[seat, bore]
-            which = torch.from_numpy(rows)
-            return self.predictor.answer(
-                self._laws.index_select(0, which), self._in_contact.index_select(0, which), micro
-            )
+        assert self._laws is not None
+        return self.predictor.answer(self._laws[rows], self._in_contact[rows], micro)
 
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
@@ -90,14 +87,14 @@ class Tiles:
         """
         which = np.array([tile], dtype=np.int64)
         self._check(body, which)
-        face: HeightArray = self._side(body, which).heights[tile].numpy()
+        face: HeightArray = self._side(body, which).heights[tile].view()
         face.setflags(write=False)
         return face
 
     def _whole(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
         """Predict from what the paper's network makes of each face by itself."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
-        return self.predictor.join(wheels.parts[torch.from_numpy(bore)], axles.parts[torch.from_numpy(seat)], micro)
+        return self.predictor.join(wheels.parts[bore], axles.parts[seat], micro)
 
     def _wanted(self, seat: IntArray, bore: IntArray, new: BoolArray) -> tuple[IntArray, IntArray]:
         """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
@@ -116,22 +113,21 @@ class Tiles:
         seats, bores = np.divmod(keys, self.counts[1])
         return seats, bores
 
-    def _prepare(self, model: FoundationEnsemble, seat: IntArray, bore: IntArray) -> None:
+    def _prepare(self, model: TrainedEnsemble, seat: IntArray, bore: IntArray) -> None:
         """Add pairs to those whose laws are known."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
         slopes, features = model.prepare(
             wheels.heights,
             axles.heights,
-            torch.from_numpy(bore),
-            torch.from_numpy(seat),
+            bore,
+            seat,
             roughness=(wheels.roughness, axles.roughness),
         )
         old, new = self.prepared, self.prepared + len(seat)
-        self._laws, self._in_contact = _with_room(self._laws, old, new), _with_room(self._in_contact, old, new)
-        self._laws[old:new], self._in_contact[old:new] = (
-            model.affine_laws(slopes, features),
-            model.keeps_contact(features),
-        )
+        laws = model.affine_laws(slopes, features)
+        self._laws = _with_room(laws[:0] if self._laws is None else self._laws, old, new)
+        self._in_contact = _with_room(self._in_contact, old, new)
+        self._laws[old:new], self._in_contact[old:new] = laws, model.keeps_contact(features)
         self._row[seat, bore] = np.arange(old, new)
         self.prepared = new
 
@@ -139,13 +135,13 @@ class Tiles:
         """The faces of a body, with these tiles made."""
         side = self._sides[body]
         for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            heights = generated_face(body, tile_seed(self.seed, tile), self.surface, self.predictor.provenance.points)
-            side.heights[tile] = torch.from_numpy(heights)
-            if isinstance(self.predictor.model, FoundationEnsemble):
+            points = self.predictor.provenance.points
+            side.heights[tile] = generated_face(body, tile_seed(self.seed, tile), self.surface, points)
+            if isinstance(self.predictor.model, TrainedEnsemble):
                 side.roughness[tile] = upper_roughness(side.heights[tile])
             else:
                 part = self.predictor.face_part(body, side.heights[tile])
-                side.parts = side.parts if len(side.parts) else torch.zeros(len(side.made), *part.shape)
+                side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *part.shape), np.float32)
                 side.parts[tile] = part
             side.made[tile] = True
             self.faces += 1
@@ -163,17 +159,17 @@ class _Side:
     """Faces of a body, filled as they are needed."""
 
     def __init__(self, count: int, shape: tuple[int, int]) -> None:
-        self.heights = torch.zeros(count, *shape)
-        self.roughness = torch.zeros(count, 2)
-        self.parts = torch.zeros(0)  # of the paper's network, once a face is made
+        self.heights: HeightArray = np.zeros((count, *shape), dtype=np.float32)
+        self.roughness: Single = np.zeros((count, 2), dtype=np.float32)
+        self.parts: Single = np.zeros(0, dtype=np.float32)  # of the paper's network, once a face is made
         self.made = np.zeros(count, dtype=np.bool_)
 
 
-def _with_room(rows: Tensor, old: int, new: int) -> Tensor:
+def _with_room(rows: npt.NDArray[T], old: int, new: int) -> npt.NDArray[T]:
     """The first `old` rows, in a table for `new` of them; it doubles, so that few rows are moved."""
     if new <= len(rows):
         return rows
-    larger = rows.new_empty(max(new, 2 * len(rows)), *rows.shape[1:])
+    larger = np.empty((max(new, 2 * len(rows)), *rows.shape[1:]), dtype=rows.dtype)
     larger[:old] = rows[:old]
     return larger
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Literal
 
 import numpy as np
 import torch
@@ -17,8 +16,8 @@ from macrofit.base.arrays import IntArray
 from ..data.plates import Plates
 from ..data.samples import Samples
 from ..errors import TrainingError
+from .checkpoint import Faces
 
-Faces = Literal["generated", "envelope"]
 STEEL = Plates()
 """The plates of the default design."""
 LOWEST_ENVELOPE = -0.06

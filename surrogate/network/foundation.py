@@ -11,16 +11,12 @@ because what friction does not lose stays behind as stored energy, or has lifted
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-NEWTON_STEPS = 30
-"""Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
-NEWTON_TOLERANCE = 1e-5
-"""Step below which the iteration ends, as a share of the mean overlap [-]."""
+from .inference import NEWTON_STEPS, NEWTON_TOLERANCE, check_foundations
 
 
 class SlideResponse(NamedTuple):
@@ -51,8 +47,7 @@ class Foundation(nn.Module):
 
     def __init__(self, stiffness: list[float], load: float, positions: int = 5, edge: float = 1.0) -> None:
         super().__init__()
-        if positions < 2 or not stiffness or any(right <= left for left, right in pairwise((0.0, *stiffness))):
-            raise ValueError("a foundation needs two positions and stiffnesses that rise from above 0")
+        check_foundations(stiffness, positions)
         self.stiffness, self.load, self.positions, self.edge = tuple(stiffness), load, positions, edge
 
     def forward(self, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:

@@ -15,21 +15,17 @@ import torch
 from torch import Tensor, nn
 
 from .foundation import Foundation
+from .inference import (
+    BEYOND,
+    CONSTANT_UNIT,
+    FLOOR_UNIT,
+    LAWS_PER_CHUNK,
+    LEAST_SPREAD,
+    PAIRS_PER_CHUNK,
+)
 
 Body: TypeAlias = Literal["axle", "wheel"]
 """Name of a body."""
-PAIRS_PER_CHUNK = 64
-"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
-LAWS_PER_CHUNK = 512
-"""Pairs whose affine laws are computed together."""
-LEAST_SPREAD = 1e-5
-"""Lower bound of a standard deviation [-]."""
-FLOOR_UNIT = 1e-3
-"""What the floor of the spread of b, and the spread of a, are counted in [-]."""
-BEYOND = 0.1
-"""How far a feature may lie outside those learned from, over their range [-]."""
-CONSTANT_UNIT = 0.01
-"""What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
 
 
 class FoundationEnsemble(nn.Module):
@@ -124,7 +120,7 @@ class FoundationEnsemble(nn.Module):
         if roughness is None:
             roughness = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
         slopes, features = [], []
-        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK):
+        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK) if count else ():
             padded = torch.cat([rows, rows[:1].expand(PAIRS_PER_CHUNK - len(rows))])
             w, x, n, free = (part.index_select(0, padded) for part in (wheel, axle, load, constant_force))
             slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x), n, free)
