@@ -14,7 +14,7 @@ from torch import Tensor
 from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 from ..errors import PredictionError
-from .checkpoint import Model, Provenance, load_checkpoint
+from .checkpoint import Control, Model, Provenance, load_checkpoint
 from .model import Body, FoundationEnsemble
 from .shipped import NETWORK
 
@@ -34,6 +34,9 @@ class Prediction:
     pairs of the training set. By tenfold cross-validation it catches eight of ten, and three of five pairs that it
     names do lose contact. The paper's network cannot tell: True.
     """
+    seen: BoolArray
+    """Whether the pair is like those learned from, by what the network sees of the faces and their load; a network of
+    one load cannot tell: True."""
 
 
 class Predictor:
@@ -59,6 +62,8 @@ class Predictor:
         wheel: IntArray,
         axle: IntArray,
         micro: float | FloatArray,
+        pressure: float | FloatArray | None = None,
+        control: Control | None = None,
     ) -> Prediction:
         """The coefficients of pairs: pair i is of wheels[wheel[i]] and axles[axle[i]].
 
@@ -70,6 +75,9 @@ class Predictor:
             wheel: number of the wheel of each pair (pairs,).
             axle: number of the axle of each pair (pairs,).
             micro: micro coefficients [-], (pairs,) or one for all.
+            pressure: before the slide, at the modulus of the network's plates [MPa], (pairs,) or one for all; left
+                out, that of these plates.
+            control: what is held while sliding; left out, what these plates hold.
 
         Raises:
             PredictionError: surfaces of another grid than the network's, values that are not finite, pairs of
@@ -87,16 +95,39 @@ class Predictor:
         first, second = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
         with torch.inference_mode():
             if isinstance(self.model, FoundationEnsemble):
-                slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
-                return self.answer(self.model.affine_laws(slopes, features), self.model.keeps_contact(features), micro)
+                load, free = self.conditions(len(first), pressure, control)
+                slopes, features = self.model.prepare(
+                    wheel_faces, axle_faces, first, second, load=load, constant_force=free
+                )
+                laws, flags = self.model.affine_laws(slopes, features), self.model.flags(features)
+                return self.answer(laws, flags, micro)
             return self.join(self._parts("wheel", wheel_faces, first), self._parts("axle", axle_faces, second), micro)
 
-    def answer(self, laws: Tensor, in_contact: Tensor, micro: float | FloatArray) -> Prediction:
+    def conditions(
+        self, pairs: int, pressure: float | FloatArray | None, control: Control | None
+    ) -> tuple[Tensor, Tensor]:
+        """Load of each pair [N] and whether it is held while sliding, (pairs,) each.
+
+        Raises:
+            PredictionError: a network of one load is asked about another, or a load that is not finite.
+        """
+        plates = self.provenance.plates
+        held = plates.control if control is None else control
+        loads = np.broadcast_to(np.asarray(plates.pressure if pressure is None else pressure), pairs) * plates.edge**2
+        other = not self.provenance.wide and (held != plates.control or not np.all(loads == plates.load))
+        if other or not (np.isfinite(loads).all() and np.all(loads > 0.0)):
+            raise PredictionError(
+                "the network knows one load and one way to slide" if other else "a pressure is not a number above 0"
+            )
+        load = torch.from_numpy(np.asarray(loads, dtype=np.float32))
+        return load, torch.full((pairs,), held == "force")
+
+    def answer(self, laws: Tensor, flags: Tensor, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
 
         Args:
             laws: affine laws of an ensemble, from its `affine_laws` (pairs, 3, members).
-            in_contact: from its `keeps_contact` (pairs,).
+            flags: from its `flags` (pairs, 2).
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
@@ -105,7 +136,13 @@ class Predictor:
         assert isinstance(self.model, FoundationEnsemble)
         micros = self._micros(micro, len(laws))
         with torch.inference_mode():
-            return _prediction(*self.model.evaluate_laws(laws, micros), in_contact)
+            return _prediction(*self.model.evaluate_laws(laws, micros), flags)
+
+    @staticmethod
+    def nothing() -> Prediction:
+        """The answer to no pairs."""
+        none, flags = np.empty(0), np.empty(0, dtype=np.bool_)
+        return Prediction(none, none, flags, flags)
 
     @staticmethod
     def _micros(micro: float | FloatArray, pairs: int) -> Tensor:
@@ -136,7 +173,7 @@ class Predictor:
         micros = self._micros(micro, len(wheel)).float()
         with torch.inference_mode():
             mean, spread = self.model.join_parts(wheel, axle, micros)
-        return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
+        return _prediction(mean, spread, torch.ones(len(wheel), 2, dtype=torch.bool))
 
     def _parts(self, body: Body, faces: Tensor, which: Tensor) -> Tensor:
         """The parts of the face of each pair, each face once."""
@@ -158,6 +195,7 @@ class Predictor:
             raise PredictionError(f"surface {which} of the {name} has heights that are not finite")
 
 
-def _prediction(mean: Tensor, spread: Tensor, in_contact: Tensor) -> Prediction:
-    """A record from columns (pairs, 1)."""
-    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), in_contact.numpy())
+def _prediction(mean: Tensor, spread: Tensor, flags: Tensor) -> Prediction:
+    """A record from columns (pairs, 1) and flags (pairs, 2)."""
+    in_contact, seen = flags.numpy().T
+    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), in_contact, seen)
