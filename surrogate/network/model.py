@@ -124,7 +124,7 @@ class FoundationEnsemble(nn.Module):
         if roughness is None:
             roughness = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
         slopes, features = [], []
-        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK):
+        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK) if count else ():
             padded = torch.cat([rows, rows[:1].expand(PAIRS_PER_CHUNK - len(rows))])
             w, x, n, free = (part.index_select(0, padded) for part in (wheel, axle, load, constant_force))
             slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x), n, free)

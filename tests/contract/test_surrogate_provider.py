@@ -83,14 +83,25 @@ def answers(provider: Any, *pairs: tuple[int, int]) -> list[float]:
 class Fake:
     """Tiles that answer every batch alike, and remember how many pairs it had."""
 
-    def __init__(self, mean: list[float], in_contact: list[bool] | None = None) -> None:
-        self.mean, self.in_contact = mean, in_contact
+    pressures = None
+    predictor = SimpleNamespace(provenance=None)
+
+    def __init__(self, mean: list[float], in_contact: list[bool] | None = None, seen: list[bool] | None = None) -> None:
+        self.mean, self.in_contact, self.seen = mean, in_contact, seen
         self.batches: list[int] = []
 
-    def predict(self, seat: Any, bore: Any, micro: float) -> SimpleNamespace:
+    def levels(self, pressure: Any) -> Any:
+        return np.zeros(len(pressure), dtype=np.int64)
+
+    def predict(self, seat: Any, bore: Any, micro: float, level: Any) -> SimpleNamespace:
         self.batches.append(len(seat))
-        in_contact = np.array(self.in_contact or [True] * len(self.mean))
-        return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), in_contact=in_contact)
+        all_of_them = [True] * len(self.mean)
+        return SimpleNamespace(
+            mean=np.array(self.mean),
+            spread=np.full(len(self.mean), 0.01),
+            in_contact=np.array(self.in_contact or all_of_them),
+            seen=np.array(self.seen or all_of_them),
+        )
 
 
 # The answer

@@ -119,14 +119,14 @@ def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
     assert isinstance(predictor.model, FoundationEnsemble)
     with torch.inference_mode():
         slopes, features = predictor.model.prepare(wheels, axles, torch.from_numpy(WHEEL), torch.from_numpy(AXLE))
-        laws, in_contact = predictor.model.affine_laws(slopes, features), predictor.model.keeps_contact(features)
+        laws, flags = predictor.model.affine_laws(slopes, features), predictor.model.flags(features)
     rows = np.random.default_rng(3).permutation(len(WHEEL))[:50]
     for micro in (0.03, 0.09):
         whole = predictor(*faces(), WHEEL, AXLE, micro)
-        assert same(whole, predictor.answer(laws, in_contact, micro))
-        assert same(whole, predictor.answer(laws[rows], in_contact[rows], np.full(50, micro)), rows)
+        assert same(whole, predictor.answer(laws, flags, micro))
+        assert same(whole, predictor.answer(laws[rows], flags[rows], np.full(50, micro)), rows)
     with pytest.raises(PredictionError, match="micro coefficient is not finite"):
-        predictor.answer(laws, in_contact, np.inf)
+        predictor.answer(laws, flags, np.inf)
 
 
 def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

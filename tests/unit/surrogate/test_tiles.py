@@ -153,7 +153,7 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
 def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
     foundation: Any = energy.model.foundation
     slide, slid = foundation.slide, []
-    monkeypatch.setattr(foundation, "slide", lambda wheel, axle: slid.append(len(wheel)) or slide(wheel, axle))
+    monkeypatch.setattr(foundation, "slide", lambda wheel, *more: slid.append(len(wheel)) or slide(wheel, *more))
 
     def ask(asked: Tiles, rows: IntArray) -> int:
         asked.predict(SEAT[rows], BORE[rows], 0.05)
