@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from macrofit.base.arrays import FloatArray
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
+Faces = Literal["generated", "envelope"]
+"""Surfaces as generated, or as the envelopes of their spheres."""
 YOUNGS_MODULUS_SLACK = 0.03
 """Largest relative distance from the plates' modulus [-]. Between 206 and 210 GPa the coefficient moves by less than
 0.1 %: half the pressure is worth 1.8 %."""

@@ -9,7 +9,8 @@ import torch
 
 from macrofit.base.arrays import FloatArray
 
-from ..network.checkpoint import Faces, Model, Provenance
+from ..data.plates import Faces
+from ..network.checkpoint import Model, Provenance
 from ..network.dataset import Pairs, pair_tensors
 from ..network.foundation import Foundation
 from ..network.score import predict_pairs

@@ -16,6 +16,7 @@ from ..network.checkpoint import load_checkpoint
 from . import plots
 from .errors import coefficient_r2, coverage, relative_errors, slope_r2
 from .measured import MeasuredPairs, arrange_tests, require_same_plates, require_unseen
+from .parts import parts_report
 from .predicted import PredictedPairs, constant_ratio, foundation_alone, mean_line, predict_tests
 
 
@@ -103,6 +104,7 @@ def evaluation_report(
         "median_bend": float(np.median(data.bend)),
         **whole,
         "by_micro_friction": by_micro,
+        "parts": parts_report(data, predicted),
         "beside": {other.name: _measures(data, other) for other in others},
     }
 

@@ -21,15 +21,13 @@ import safetensors.numpy
 from macrofit.base.errors import OutputError, shortened
 from macrofit.base.files import check_regular, replacing
 
-from ..data.plates import Plates
+from ..data.plates import Faces, Plates
 from ..errors import CheckpointError
 from .inference import TrainedEnsemble, ensemble_shapes
 
 if TYPE_CHECKING:
     from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 
-Faces = Literal["generated", "envelope"]
-"""Surfaces as generated, or as the envelopes of their spheres."""
 Architecture = Literal["energy", "paper"]
 Model: TypeAlias = "FoundationEnsemble | LallemanCNN | LallemanEnsemble"
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]

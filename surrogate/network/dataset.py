@@ -13,10 +13,9 @@ from torch import Tensor
 
 from macrofit.base.arrays import IntArray
 
-from ..data.plates import Plates
+from ..data.plates import Faces, Plates
 from ..data.samples import Samples
 from ..errors import TrainingError
-from .checkpoint import Faces
 
 STEEL = Plates()
 """The plates of the default design."""

@@ -33,6 +33,8 @@ BEYOND = 0.1
 """How far a feature may lie outside those learned from, over their range [-]."""
 CONSTANT_UNIT = 0.01
 """What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
+QUANTILE_90 = 1.645
+"""Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
 NEWTON_STEPS = 30
 """Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
 NEWTON_TOLERANCE = 1e-5
@@ -156,6 +158,10 @@ class TrainedEnsemble:
     def keeps_contact(self, features: Single) -> BoolArray:
         """Whether the plates keep in contact all along the slide, (pairs,)."""
         return np.asarray(features[:, -1] > self.arrays["lost"])
+
+    def flags(self, features: Single) -> BoolArray:
+        """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
+        return np.stack([self.keeps_contact(features), self.has_seen(features)], axis=1)
 
     def has_seen(self, features: Single) -> BoolArray:
         """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""

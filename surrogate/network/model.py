@@ -203,8 +203,12 @@ class FoundationEnsemble(nn.Module):
         return torch.cat(means), torch.cat(spreads)
 
     def keeps_contact(self, features: Tensor) -> Tensor:
-        """Whether the plates keep in contact all along the slide, (pairs,)."""
+        """Whether the plates keep in contact all along the slide, (pairs,); at constant force the least load is 1."""
         return features[:, -1] > self.lost
+
+    def flags(self, features: Tensor) -> Tensor:
+        """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
+        return torch.stack([self.keeps_contact(features), self.has_seen(features)], dim=1)
 
     def has_seen(self, features: Tensor) -> Tensor:
         """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
 from ..errors import PredictionError
-from .checkpoint import Provenance, load_for_answers
+from .checkpoint import Control, Provenance, load_for_answers
 from .inference import Single, TrainedEnsemble
 from .shipped import NETWORK
 
@@ -35,6 +35,9 @@ class Prediction:
     pairs of the training set. By tenfold cross-validation it catches eight of ten, and three of five pairs that it
     names do lose contact. The paper's network cannot tell: True.
     """
+    seen: BoolArray
+    """Whether the pair is like those learned from, by what the network sees of the faces and their load; a network of
+    one load cannot tell: True."""
 
 
 class Predictor:
@@ -60,6 +63,8 @@ class Predictor:
         wheel: IntArray,
         axle: IntArray,
         micro: float | FloatArray,
+        pressure: float | FloatArray | None = None,
+        control: Control | None = None,
     ) -> Prediction:
         """The coefficients of pairs: pair i is of wheels[wheel[i]] and axles[axle[i]].
 
@@ -71,6 +76,9 @@ class Predictor:
             wheel: number of the wheel of each pair (pairs,).
             axle: number of the axle of each pair (pairs,).
             micro: micro coefficients [-], (pairs,) or one for all.
+            pressure: before the slide, at the modulus of the network's plates [MPa], (pairs,) or one for all; left
+                out, that of these plates.
+            control: what is held while sliding; left out, what these plates hold.
 
         Raises:
             PredictionError: surfaces of another grid than the network's, values that are not finite, pairs of
@@ -85,23 +93,51 @@ class Predictor:
         wheel_faces, axle_faces = (np.ascontiguousarray(heights, dtype=np.float32) for heights in (wheels, axles))
         first, second = (np.ascontiguousarray(of, dtype=np.int64) for of in (wheel, axle))
         if isinstance(self.model, TrainedEnsemble):
-            slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
-            return self.answer(self.model.affine_laws(slopes, features), self.model.keeps_contact(features), micro)
+            load, free = self.conditions(len(first), pressure, control)
+            slopes, features = self.model.prepare(
+                wheel_faces, axle_faces, first, second, load=load, constant_force=free
+            )
+            return self.answer(self.model.affine_laws(slopes, features), self.model.flags(features), micro)
         return self.join(self._parts("wheel", wheel_faces, first), self._parts("axle", axle_faces, second), micro)
 
-    def answer(self, laws: Single, in_contact: BoolArray, micro: float | FloatArray) -> Prediction:
+    def conditions(
+        self, pairs: int, pressure: float | FloatArray | None, control: Control | None
+    ) -> tuple[Single, BoolArray]:
+        """Load of each pair [N] and whether it is held while sliding, (pairs,) each.
+
+        Raises:
+            PredictionError: a network of one load is asked about another, or a load that is not finite.
+        """
+        plates = self.provenance.plates
+        held = plates.control if control is None else control
+        loads = np.broadcast_to(np.asarray(plates.pressure if pressure is None else pressure), pairs) * plates.edge**2
+        other = not self.provenance.wide and (held != plates.control or not np.all(loads == plates.load))
+        if other or not (np.isfinite(loads).all() and np.all(loads > 0.0)):
+            raise PredictionError(
+                "the network knows one load and one way to slide" if other else "a pressure is not a number above 0"
+            )
+        return np.asarray(loads, dtype=np.float32), np.full(pairs, held == "force")
+
+    def answer(self, laws: Single, flags: BoolArray, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
 
         Args:
             laws: affine laws of an ensemble, from its `affine_laws` (pairs, 3, members).
-            in_contact: from its `keeps_contact` (pairs,).
+            flags: from its `flags` (pairs, 2).
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
             PredictionError: a micro coefficient that is not finite.
         """
         assert isinstance(self.model, TrainedEnsemble)
-        return Prediction(*self.model.evaluate_laws(laws, self._micros(micro, len(laws))), in_contact)
+        in_contact, seen = flags.T
+        return Prediction(*self.model.evaluate_laws(laws, self._micros(micro, len(laws))), in_contact, seen)
+
+    @staticmethod
+    def nothing() -> Prediction:
+        """The answer to no pairs."""
+        none, flags = np.empty(0), np.empty(0, dtype=np.bool_)
+        return Prediction(none, none, flags, flags)
 
     @staticmethod
     def _micros(micro: float | FloatArray, pairs: int) -> FloatArray:
@@ -137,7 +173,7 @@ class Predictor:
         with torch.inference_mode():
             mean, spread = self.model.join_parts(torch.from_numpy(wheel), torch.from_numpy(axle), micros)
         known = np.ones(len(wheel), dtype=np.bool_)
-        return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), known)
+        return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), known, known)
 
     def _parts(self, body: Body, faces: HeightArray, which: IntArray) -> Single:
         """The parts of the face of each pair, each face once."""

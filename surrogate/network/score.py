@@ -10,10 +10,9 @@ from torch import Tensor
 
 from .checkpoint import Model
 from .dataset import Pairs
+from .inference import QUANTILE_90 as QUANTILE_90
 from .model import FoundationEnsemble, LallemanEnsemble
 
-QUANTILE_90 = 1.645
-"""Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
 REPORTED = (0.03, 0.05, 0.07, 0.09)
 """Micro coefficients of the report [-]."""
 BINS = (0.01, 0.03, 0.05, 0.07, 0.09, 0.15, 0.3)

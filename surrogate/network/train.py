@@ -22,10 +22,10 @@ import torch
 
 from macrofit.base.arrays import FloatArray, IntArray
 
-from ..data.plates import Plates
+from ..data.plates import Faces, Plates
 from ..data.samples import Samples, content_hash, joined_samples, select_samples
 from ..errors import TrainingError
-from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Faces, Model, Provenance
+from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
 from .dataset import STEEL, Pairs, joined, pair_tensors, split_by_family
 from .descent import Curves, Descent, Watch, descend
 from .devices import chosen_device
