@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
-from macrofit.base.figure import BLUE, COLOURS, VERMILION, blank, placed, plain, save
+from macrofit.base.figure import BLUE, COLOURS, DPI, VERMILION, blank, placed, plain, save
 
 from ..surfaces.roughness import measure
 from ..surfaces.surface import Surface
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..records import Curve, Slide
 
 
-PIXELS = 420
-"""Points along 1 mm of a map."""
 MANY = 6
 """Slides named in a figure; more are drawn without."""
 WIDTH = 1250
@@ -89,10 +87,11 @@ def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: flo
     scale = Normalize(1e3 * low, 1e3 * max(high, low + 1e-9))
     for each, face in zip(axes, faces, strict=True):
         length, width = face.size
-        x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / width))) for side in face.size)
+        box = each.get_position().size * figure.get_size_inches() * DPI
+        x, y = (np.linspace(0.0, side, max(2, round(pixels))) for side, pixels in zip(face.size, box, strict=True))
         heights = face.at(x[None, :], y[:, None])  # rows from below
-        extent = (0.0, length, 0.0, width)
-        each.imshow(1e3 * heights, extent=extent, origin="lower", interpolation="nearest", cmap=colours, norm=scale)
+        shown = colours(scale(1e3 * heights), bytes=True)  # a picture of heights would be resampled twice
+        each.imshow(shown, extent=(0.0, length, 0.0, width), origin="lower", interpolation="nearest")
         if depth == np.inf:
             lines = {"levels": np.linspace(scale.vmin, scale.vmax, LEVELS + 2)[1:-1], "linestyles": "solid"}
             each.contour(x[::6], y[::6], 1e3 * heights[::6, ::6], colors="white", linewidths=0.5, alpha=0.6, **lines)
