@@ -63,7 +63,7 @@ def _along(axes: Any, solution: Solution, pairs: PairFrictionMap, record: Increm
     axes.axhline(record.mean_friction, color="0.45", lw=0.9, ls=(0, (4, 3)), zorder=1)
     axes.set_title(
         f"{record.displacement:g} mm, mean weighted with the pressure {record.mean_friction:.4f}",
-        fontsize=9, loc="left", pad=3, color=colour,
+        fontsize=9, loc="left", pad=3, color=colour, y=1.0,
     )  # fmt: skip
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="0.92", lw=0.6)

@@ -47,7 +47,7 @@ def surface(face: Surface, title: str) -> Any:
     figure = blank(across + 1.6, up + 0.85)
     axes = placed(figure, 0.55, 0.5, across, up)
     _maps(figure, [axes], [face])
-    axes.set_title(title, fontsize=10)
+    axes.set_title(title, fontsize=10, y=1.0)
     axes.set_xlabel("x, along the slide [mm]", fontsize=9)
     axes.set_ylabel("y [mm]", fontsize=9)
     return figure
@@ -63,10 +63,10 @@ def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radiu
     _maps(figure, axes[0], [wheel, axle])
     _maps(figure, axes[1], list(envelopes.values()), depth=radius)
     for each, body, face in zip(axes[0], ("wheel", "axle"), (wheel, axle), strict=True):
-        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
+        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5, y=1.0)
         each.tick_params(labelbottom=False)
     for each, (body, face) in zip(axes[1], envelopes.items(), strict=True):
-        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5)
+        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5, y=1.0)
         each.set_xlabel("x, along the slide [mm]", fontsize=9)
     for left, right in axes:
         left.set_ylabel("y [mm]", fontsize=9)
@@ -190,8 +190,8 @@ def forces(slides: Sequence[Slide]) -> Any:
     slide.tick_params(labelbottom=False, labelleft=False)
     squeeze.set_ylabel("force [N]")
     squeeze.set_xlabel("approach [µm]")
-    squeeze.set_title("squeeze", fontsize=10)
-    slide.set_title(f"slide ({first.engine})", fontsize=10)
+    squeeze.set_title("squeeze", fontsize=10, y=1.0)
+    slide.set_title(f"slide ({first.engine})", fontsize=10, y=1.0)
     ratio.set_ylabel("T / N")
     ratio.set_xlabel("displacement of the wheel [mm]")
     words.set_axis_off()
