@@ -85,6 +85,7 @@ class TrainedEnsemble:
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
         self._terms = count
+        self._kept: Single = np.empty(0, dtype=np.float32)
 
     def prepare(
         self,
@@ -109,12 +110,20 @@ class TrainedEnsemble:
         for start in range(0, count, PAIRS_PER_CHUNK):
             part = slice(start, start + PAIRS_PER_CHUNK)
             n, fixed = loads[part], free[part]
-            slide = slide_foundations(options, wheels[wheel[part]], axles[axle[part]], n.astype(np.float64), fixed)
+            faces = wheels[wheel[part]], axles[axle[part]]
+            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, self._room(wheels.shape[1:]))
             parts = [both[part], slide.load, slide.depth, slide.least]
             if options.wide:
                 parts.insert(1, np.column_stack([np.log(n / np.float32(options.load)), fixed.astype(np.float32)]))
             slopes[part], features[part] = slide.b, np.concatenate(parts, axis=1)
         return slopes, features
+
+    def _room(self, face: tuple[int, ...]) -> Single:
+        """Memory for the sums of a chunk at all positions and for one array more; new memory costs as much as sums."""
+        shape = (self.options.positions + 1, PAIRS_PER_CHUNK, face[0] * face[1])
+        if self._kept.shape != shape:
+            self._kept = np.empty(shape, dtype=np.float32)
+        return self._kept
 
     def member_laws(self, slopes: Single, features: Single) -> Single:
         """a, b, the spread of b and where it is wide that of a, of every member, (3 or 4, members, pairs)."""
@@ -209,7 +218,7 @@ class SlideNumbers(NamedTuple):
 
 
 def slide_foundations(
-    options: EnsembleOptions, wheel: HeightArray, axle: HeightArray, loads: FloatArray, free: BoolArray
+    options: EnsembleOptions, wheel: HeightArray, axle: HeightArray, loads: FloatArray, free: BoolArray, room: Single
 ) -> SlideNumbers:
     """Slide every wheel over its axle by its length of 1 mm; see `Foundation.slide`.
 
@@ -219,14 +228,16 @@ def slide_foundations(
         axle: heights (pairs, 2 n + 1, n + 1) [mm].
         loads: normal force at the start of each pair (pairs,) [N].
         free: whether each pair keeps its load, (pairs,); else it keeps its height.
+        room: memory to be overwritten, (positions + 1, at least pairs, G).
     """
     pairs, row = len(wheel), wheel.shape[2]
     stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
     face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
     nodes = face.shape[1]
-    sums = [face + track[:, k * stride : k * stride + nodes] for k in range(options.positions)]  # (P, G) each
+    *sums, work = room[:, :pairs]
+    for k, at in enumerate(sums):
+        np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
     solved = sums if free.any() else sums[:1]
-    work = np.empty_like(sums[0])
     # flat faces would be pressed to their mean less the overlap: others not so deep
     heights = [_row_sums(at) / nodes - loads / options.stiffness[0] for at in solved]  # (P,) each
     found = []
