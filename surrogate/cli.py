@@ -59,6 +59,11 @@ network_option = click.option(
 )  # fmt: skip
 
 
+device_option = click.option(
+    "--device", metavar="cpu|cuda", help="Where torch computes [a GPU where there is one].",
+)  # fmt: skip
+
+
 def network_file(network: str, shipped: Shipped) -> Path:
     """The file of a network that is named, or is a file."""
     return {"energy": shipped.energy, "cnn": shipped.cnn}.get(network, Path(network))
@@ -93,11 +98,16 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 @click.option("--pairs", type=click.IntRange(1), required=True, help="Of surfaces, counted from the first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the design's scrambling.")
 @preset_option
+@click.option(
+    "--design", type=click.Choice(["narrow", "wide"]), default="narrow", show_default=True,
+    help="Ranges: R 5-40 µm at one pressure; or R 1-100 µm, 20-520 MPa, tiles and strips, a third with a lay, micro "
+    "coefficients to 0.3, at constant force.",
+)  # fmt: skip
 @click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
 @set_option("the plates' settings", completes_key)
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
-    help="How many coefficients per pair, one in each part of 0.01 ... 0.09; or the coefficients themselves.",
+    help="How many coefficients per pair, one in each part of the range; or the coefficients themselves.",
 )  # fmt: skip
 @click.option(
     "--max-height", callback=numbers(float, 2), metavar="LOW,HIGH",
@@ -120,6 +130,7 @@ def generate(
     path: Path,
     overrides: tuple[str, ...],
     preset: str,
+    design: str,
     spheres: int | None,
     jobs: int | None,
     quiet: bool,
@@ -138,16 +149,18 @@ def generate(
         if workers is None:
             return
         from .data.database import describe_database
+        from .data.design import SETTINGS_OF_DESIGN
         from .data.generate import generate_samples as fill
         from .data.monitor import on_screen
         from .data.sample import design_on_preset, plate_settings
 
         ranges = {"max_height": max_height, "hurst_exponent": hurst}
         both = {name: given and (given[0], given[-1]) for name, given in ranges.items()}
-        design = design_on_preset(preset, **both, **options)
-        settings = plate_settings(([] if spheres is None else [f"plates.spheres={spheres}"]) + [*overrides], preset)
+        drawn = design_on_preset(preset, design, **both, **options)
+        changes = [*SETTINGS_OF_DESIGN[design], *([] if spheres is None else [f"plates.spheres={spheres}"]), *overrides]
+        settings = plate_settings(changes, preset, drawn)
         try:
-            fill(path, design, settings, pairs, workers, on_screen(quiet=quiet))
+            fill(path, drawn, settings, pairs, workers, on_screen(quiet=quiet))
         except KeyboardInterrupt:
             complain(f"interrupted; what was computed is kept beside {path}, and the same command goes on")
             if (comm := ranks()) is not None:
@@ -189,7 +202,7 @@ def ranks() -> MPI.Comm | None:
 
 
 @main.command()
-@click.argument("database", type=FILE, metavar="DB.h5|TABLE.csv")
+@click.argument("databases", type=FILE, nargs=-1, required=True, metavar="DB.h5|TABLE.csv...")
 @click.option("-o", "--output", "path", type=FILE, required=True, metavar="FILE.safetensors", help="The network.")
 @click.option(
     "--architecture", type=click.Choice(["energy", "paper"]), default="energy", show_default=True,
@@ -212,9 +225,10 @@ def ranks() -> MPI.Comm | None:
 )  # fmt: skip
 @click.option("--points", type=click.IntRange(5), help="Of a face along 1 mm, such as 17 [those of the database].")
 @click.option("--epochs", type=click.IntRange(0), help="At most; training stops early by itself.")
+@device_option
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
-    """Train the network on a database; 30 % of its surfaces are held back.
+def train(databases: tuple[Path, ...], path: Path, quiet: bool, **options: Any) -> None:
+    """Train the network on a database, or on several; 30 % of the surfaces are held back.
 
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
@@ -230,9 +244,10 @@ def train(database: Path, path: Path, quiet: bool, **options: Any) -> None:
         raise click.UsageError(f"--output {path}: give a name that ends in .safetensors")
     if not path.resolve().parent.is_dir():
         raise TrainingError(f"{path}: there is no directory {path.resolve().parent}")
-    found = open_samples(database)
+    found, *more = (open_samples(database) for database in databases)
+    beside = [(other.samples, other.header.plates) for other in more]
     resume = path.with_suffix(".state.safetensors")
-    trained = fit(found.samples, plates=found.header.plates, resume=resume, **options)
+    trained = fit(found.samples, plates=found.header.plates, beside=beside, resume=resume, **options)
     save_checkpoint(path, trained.model, trained.provenance)
     label = "negative log-likelihood" if options["architecture"] == "energy" else "mean squared error, scaled"
     written = [path, *write_curves(trained.curves, path.with_suffix(""), label, trained.others)]

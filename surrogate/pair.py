@@ -14,8 +14,8 @@ from meso.settings import FaceKeys
 from .data.faces import generated_face, measured_face, rms_height
 from .errors import PredictionError
 from .network.checkpoint import Provenance, outside_training
+from .network.inference import QUANTILE_90
 from .network.predict import Predictor
-from .network.score import QUANTILE_90
 
 Form: TypeAlias = Literal["strip", "tiles", "levelled"]
 
@@ -159,8 +159,9 @@ def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
         low, high = SMOOTHEST * min(provenance.max_height), ROUGHEST * max(provenance.max_height)
         if not low <= keys.rms_height <= high:
             findings.append(f"rms_height = {keys.rms_height:g} is outside {low:.2g} ... {high:.2g}")
-    if keys.lay != provenance.plates.lay:
-        findings.append(f"lay = '{keys.lay}' is not '{provenance.plates.lay}'")
+    lays = provenance.lays or (provenance.plates.lay,)
+    if keys.lay not in lays:
+        findings.append(f"lay = '{keys.lay}' is not {' or '.join(map(repr, lays))}")
     return findings
 
 

@@ -22,7 +22,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -75,8 +75,12 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     from tiles by themselves is asked about those of strips too, and the other way round.
 
     `fallback` says what happens outside of these: "error" refuses the run; "dem" makes the provider `dem` answer in
-    its place, with the same surfaces; "warning" predicts anyway. With "dem", single pairs that are predicted to lose
-    contact along the slide go to that provider too. As with `dem`, the pair's own pressure is not used.
+    its place, with the same surfaces; "warning" predicts anyway. Single pairs may be unlike all that were learned from
+    although their keys are not, or are predicted to lose contact along the slide: with "dem" they go to that provider,
+    else they are counted.
+
+    A network that has learned from many pressures is asked about the pair's own: as p/E, for the axle's modulus E. A
+    pair is asked anew when its pressure has left the `TOLERANCE` of `surrogate.levels`, not for every MPa.
 
     Raises:
         ProviderError: an option that is unknown or refused, by its key.
@@ -101,7 +105,16 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     network: NetworkName = "energy"
     """The network that comes with the package: shaped like the physics, or the paper's convolutional one, "cnn"."""
 
+    pressure: float | Literal["own"] | None = None
+    """Pressure of all pairs [MPa], or "own": that of each pair at the last increment. None: "own" where the network has
+    learned from many pressures, else that of its plates."""
+    control: Literal["displacement", "force"] | None = None
+    """What a pair holds while it slides: the height of the plates, or their force, at which contact is never lost.
+    None: what the plates that are asked for hold."""
+
     def __post_init__(self) -> None:
+        if isinstance(self.pressure, float) and not 0.0 < self.pressure <= 5000.0:
+            raise ProviderError(f"friction.options.pressure = {self.pressure:g}: take a pressure in MPa, or 'own'")
         preset, keys = self._preset()
         if preset not in list(PRESETS):
             raise ProviderError(f"friction.options.plates = {preset!r}: take {' or '.join(PRESETS)}, or keys of plates")
@@ -173,15 +186,16 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 return self._dem(context)
             warnings.warn(f"friction provider 'surrogate': {message}; it is asked nevertheless", stacklevel=2)
         if self.fallback != "dem":
-            return TileNetwork(tiles, self, trusted=not unseen)
-        others = tiles.predictor.provenance.plates.unlike(self._answering_plates(context))
+            return TileNetwork(tiles, self, trusted=not unseen, youngs_modulus=context.youngs_modulus)
+        others = tiles.predictor.provenance.unlike(self._answering_plates(context))
         if others:
             warnings.warn(
                 f"friction provider 'surrogate': pairs that lose contact are answered by other plates than the network "
                 f"has learned from: {'; '.join(others)}. Take these keys out of friction.options.dem",
                 stacklevel=2,
             )
-        return TileNetwork(tiles, self, fallback=functools.cache(lambda: self._dem(context)))
+        dem = functools.cache(lambda: self._dem(context))
+        return TileNetwork(tiles, self, fallback=dem, youngs_modulus=context.youngs_modulus)
 
     def _preset(self) -> tuple[str, dict[str, Any]]:
         """The preset that `plates` names, and its other keys."""
@@ -197,7 +211,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         preset, keys = self._preset()
         tables: dict[str, Any] = {name: table for name, table in (more or {}).items() if isinstance(table, Mapping)}
         tables["plates"] = {**keys, **tables.get("plates", {}), "edge": tile_size}
-        tables["load"] = {**tables.get("load", {}), "slide": tile_size}
+        tables["load"] = {**self._own_load(), **tables.get("load", {}), "slide": tile_size}
         return Plates.of_settings(msgspec.to_builtins(decode(on_preset(preset, tables))))
 
     def _in_solid(self, plates: Plates, context: BuildContext) -> Plates:
@@ -213,16 +227,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
         """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
+            from .levels import PressureLevels
             from .network.checkpoint import outside_training
             from .pair import other_faces
             from .tiles import load_predictor, shared_tiles
+
+            network = load_predictor(self.file)
         except ImportError as error:
             raise ProviderError(
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
-        try:
-            network = load_predictor(self.file)
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
         if network.provenance.faces != "generated":
@@ -233,13 +248,27 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         surface = self.faces(context.tile_size)
         unseen = outside_training(network.provenance, micro_friction=self.micro_friction)
         unseen += other_faces(network.provenance, surface)
-        learned = network.provenance.plates
-        asked = msgspec.structs.replace(learned, edge=context.tile_size)
-        if self.model is None or self.plates is not None:
-            asked = self._asked_plates(context.tile_size)
-        unseen += learned.unlike(self._in_solid(asked, context))
-        tiles = shared_tiles(network, self.seed, surface, (context.seat_tiles, context.bore_tiles))
+        about = network.provenance
+        asked = self._in_solid(self._asked_or_learned(about.plates, context.tile_size), context)
+        unseen += about.unlike(asked)
+        counts = context.seat_tiles, context.bore_tiles
+        if not about.wide:
+            if self.pressure == "own":
+                unseen.append(f"pressure = 'own' asks for others than {about.plates.pressure:g} MPa")
+            tiles = shared_tiles(network, self.seed, surface, counts)
+            return tiles, unseen + self._measured(tiles, context)
+        assert about.pressure is not None
+        one = about.at_modulus(asked.pressure, asked.youngs_modulus)
+        low, high = about.pressure if self.pressure in (None, "own") else (one, one)
+        held = asked.control if asked.control in about.controls else about.plates.control
+        tiles = shared_tiles(network, self.seed, surface, counts, PressureLevels(low, high), held)
         return tiles, unseen + self._measured(tiles, context)
+
+    def _asked_or_learned(self, learned: Plates, tile_size: float) -> Plates:
+        """The plates that are asked for; those of a model that is given, where none are."""
+        if self.model is None or self.plates is not None:
+            return self._asked_plates(tile_size)
+        return msgspec.structs.replace(learned, edge=tile_size, **self._own_load())
 
     def _measured(self, tiles: Tiles, context: BuildContext) -> list[str]:
         """What the network has not seen of measured faces, in words; what may be wrong with them is told.
@@ -277,7 +306,14 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
         preset, keys = self._preset()
         plates = {"preset": preset, **keys, **self.dem.get("plates", {})}
-        return {**self.dem, **own, "plates": plates, "surface": self.surface}
+        load = {**self._own_load(), **self.dem.get("load", {})}
+        tables = {"load": load} if load else {}
+        return {**self.dem, **own, **tables, "plates": plates, "surface": self.surface}
+
+    def _own_load(self) -> dict[str, Any]:
+        """Keys of the plates' load that are options of this provider."""
+        own = {"pressure": self.pressure, "control": self.control}
+        return {key: value for key, value in own.items() if value is not None and value != "own"}
 
     def _check_dem(self) -> None:
         """A scene is refused when it is read, not when it runs."""
@@ -297,12 +333,14 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class _Answer(NamedTuple):
-    """Coefficients of m distinct pairs, sorted by seat tile and bore tile: four arrays of shape (m,)."""
+    """Coefficients of m distinct pairs, sorted by seat tile, bore tile and level: five arrays of shape (m,)."""
 
     seat: IntArray
     """Number of the seat tile."""
     bore: IntArray
     """Number of the bore tile."""
+    level: IntArray
+    """Level of the pressure."""
     mean: FloatArray
     """mu [-], 0 <= mu < 2."""
     spread: FloatArray
@@ -319,15 +357,18 @@ class TileNetwork:
         tiles: tiles of both bodies, with the network.
         options: micro coefficient; seed and surfaces are those of `tiles`.
         trusted: the network has seen such inputs.
-        fallback: gives the provider to ask about pairs that are predicted to lose contact; None: the network answers.
+        fallback: gives the provider to ask about pairs that are predicted to lose contact, or are like none learned
+            from; None: the network answers.
+        youngs_modulus: of the axle, that the pressures press on [MPa]; left out, that of the network's plates.
     """
 
-    depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
+    depends_on: frozenset[str]
+    """With the pressure, where the network knows many; a pair is asked anew where it leaves a level."""
 
     clipped: int
     """Pairs predicted out of the bounds of the contract, and answered with the nearest bound."""
     out_of_range: int
-    """Pairs predicted for inputs the network has not seen."""
+    """Pairs predicted for inputs the network has not seen, by keys or by what it sees of the faces."""
     losing_contact: int
     """Pairs that are predicted to lose contact somewhere along the slide."""
 
@@ -338,8 +379,13 @@ class TileNetwork:
         *,
         trusted: bool = True,
         fallback: Callable[[], FrictionProvider] | None = None,
+        youngs_modulus: float | None = None,
     ) -> None:
         self.tiles, self.options, self.trusted = tiles, options, trusted
+        several = tiles.pressures is not None and tiles.pressures.count > 1
+        self.depends_on = frozenset({"tiles", "pressure"} if several else {"tiles"})
+        about = tiles.predictor.provenance
+        self._on_steel = 1.0 if youngs_modulus is None else about.at_modulus(1.0, youngs_modulus)
         self.clipped = self.out_of_range = self.losing_contact = 0
         self._fallback = fallback
         self._last: _Answer | None = None
@@ -347,7 +393,8 @@ class TileNetwork:
     @property
     def counters(self) -> dict[str, int]:
         """Counts for the report of a run."""
-        return {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
+        counts = {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
+        return counts | ({"asked_anew": self.tiles.asked_anew} if "pressure" in self.depends_on else {})
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -384,43 +431,44 @@ class TileNetwork:
 
     def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
-        seats, seat = np.unique(pairs.seat, return_inverse=True)
-        bores, bore = np.unique(pairs.bore, return_inverse=True)
-        distinct, which = np.unique(seat * bores.size + bore, return_inverse=True)
-        axle, wheel = np.divmod(distinct, max(1, bores.size))
-        seat, bore = seats[axle], bores[wheel]
+        level = self.tiles.levels(self._on_steel * pairs.pressure)
+        columns = [np.unique(column, return_inverse=True) for column in (pairs.seat, pairs.bore, level)]
+        shape = tuple(max(1, len(values)) for values, _ in columns)
+        distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
+        places = np.unravel_index(distinct, shape)
+        asked = [values[at] for (values, _), at in zip(columns, places, strict=True)]
         last = self._last
-        if last is None or not (np.array_equal(last.seat, seat) and np.array_equal(last.bore, bore)):
-            self._last = last = self._predicted(seat, bore)
+        if last is None or not all(np.array_equal(old, new) for old, new in zip(last[:3], asked, strict=True)):
+            self._last = last = self._predicted(*asked)
         return last, which
 
-    def _predicted(self, seat: IntArray, bore: IntArray) -> _Answer:
+    def _predicted(self, seat: IntArray, bore: IntArray, level: IntArray) -> _Answer:
         """The answers to distinct pairs."""
         if not seat.size:
-            return _Answer(seat, bore, np.empty(0), np.empty(0))
+            return _Answer(seat, bore, level, np.empty(0), np.empty(0))
         try:
-            prediction = self.tiles.predict(seat, bore, self.options.micro_friction)
+            prediction = self.tiles.predict(seat, bore, self.options.micro_friction, level)
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
-        answer = _Answer(seat, bore, np.array(prediction.mean), np.array(prediction.spread))
-        self._replace(answer, np.flatnonzero(~prediction.in_contact))
+        answer = _Answer(seat, bore, level, np.array(prediction.mean), np.array(prediction.spread))
+        self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
         self._bound(answer)
-        self.out_of_range += 0 if self.trusted else seat.size
+        self.losing_contact += int((~prediction.in_contact).sum())
+        self.out_of_range += int((~prediction.seen).sum()) if self.trusted else seat.size
         return answer
 
-    def _replace(self, answer: _Answer, lost: IntArray) -> None:
-        """Have the pairs numbered `lost` answered by the other provider, if there is one."""
-        if lost.size and self._fallback is not None:
-            unused = np.zeros(lost.size)
-            pairs = TilePairs(answer.seat[lost], answer.bore[lost], unused, unused)
-            answer.mean[lost], answer.spread[lost] = answered(self._fallback(), pairs, "dem")
-        self.losing_contact += lost.size
+    def _replace(self, answer: _Answer, doubted: IntArray) -> None:
+        """Have the pairs numbered `doubted` answered by the other provider, if there is one."""
+        if doubted.size and self._fallback is not None:
+            unused = np.zeros(doubted.size)
+            pairs = TilePairs(answer.seat[doubted], answer.bore[doubted], unused, unused)
+            answer.mean[doubted], answer.spread[doubted] = answered(self._fallback(), pairs, "dem")
 
     def _bound(self, answer: _Answer) -> None:
         """Bring the coefficients within the contract."""
         wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST_FRICTION))
         if wrong.size and not self.clipped:
-            seat, bore, mean, spread = (column[wrong[0]] for column in answer)
+            seat, bore, _, mean, spread = (column[wrong[0]] for column in answer)
             warnings.warn(
                 f"friction provider 'surrogate': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
                 f"{mean:.4f} +- {spread:.4f} and is taken as {min(2, max(0, round(mean)))}, and so will others be",

@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-import torch
-from torch import Tensor
+import numpy.typing as npt
 
-from macrofit.base.arrays import BoolArray, HeightArray, IntArray
+from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 from meso.settings import FaceKeys
 from meso.surfaces.surface import TILES, Body, tile_seed
 
 from .data.faces import generated_face
 from .errors import PredictionError
-from .network.model import PAIRS_PER_CHUNK, FoundationEnsemble, upper_roughness
+from .levels import PressureLevels
+from .network.checkpoint import Control
+from .network.inference import PAIRS_PER_CHUNK, Single, TrainedEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
 
+T = TypeVar("T", bound=np.generic)
 TILES_AHEAD = 4
 """Tiles ahead of a pair that are looked at for more pairs."""
 
@@ -40,29 +43,52 @@ class Tiles:
         seed: chooses all surfaces; see `meso.surfaces.surface.tile_seed`.
         surface: how the faces are made.
         counts: number of tiles of the seat and of the bore.
+        pressures: levels of pressure [MPa], at the modulus of the network's plates; None: theirs alone.
+        control: what is held while sliding; None: what these plates hold.
     """
 
     faces: int
     """Faces made so far."""
     prepared: int
-    """Pairs whose foundations were computed so far, those ahead included."""
+    """Pairs whose foundations were computed so far, those ahead included; again for each level of pressure."""
+    asked_anew: int
+    """Of those, the ones that were known at another level of pressure."""
 
-    def __init__(self, predictor: Predictor, seed: int, surface: FaceKeys, counts: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        predictor: Predictor,
+        seed: int,
+        surface: FaceKeys,
+        counts: tuple[int, int],
+        pressures: PressureLevels | None = None,
+        control: Control | None = None,
+    ) -> None:
         self.predictor, self.seed, self.surface = predictor, seed, surface
+        self.pressures, self.control = pressures, control
         self.counts = min(counts[0], TILES), min(counts[1], TILES)
-        self.faces = self.prepared = 0
+        self.faces = self.prepared = self.asked_anew = 0
         n = predictor.provenance.points - 1
         self._sides: dict[Body, _Side] = {
             "axle": _Side(self.counts[0], (2 * n + 1, n + 1)),
             "wheel": _Side(self.counts[1], (n + 1, n + 1)),
         }
-        self._row = np.full(self.counts, -1, dtype=np.int32)  # of a pair, below
-        members = len(predictor.model.first) if isinstance(predictor.model, FoundationEnsemble) else 0
-        self._laws = torch.empty(0, 3, members)  # with room for more pairs
-        self._in_contact = torch.empty(0, dtype=torch.bool)
+        levels = 1 if pressures is None else pressures.count
+        self._row = np.full((*self.counts, levels), -1, dtype=np.int32)  # of a pair at a level, below
+        self._laws: Single = np.empty(0, dtype=np.float32)  # with room for more pairs
+        self._flags: BoolArray = np.empty(0, dtype=np.bool_)
 
-    def predict(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
+    def levels(self, pressure: FloatArray) -> IntArray:
+        """The level that serves each pressure [MPa], given at the modulus of the network's plates."""
+        return np.zeros(len(pressure), dtype=np.int64) if self.pressures is None else self.pressures.of(pressure)
+
+    def predict(self, seat: IntArray, bore: IntArray, micro: float, level: IntArray | None = None) -> Prediction:
         """The coefficients of pairs of tiles, as the network gives them for their faces, to the bit.
+
+        Args:
+            seat: tile of the seat of each pair, (pairs,).
+            bore: tile of the bore of each pair, (pairs,).
+            micro: micro coefficient [-].
+            level: from `levels`, (pairs,); left out, the first.
 
         Raises:
             PredictionError: there is no such tile, its surface cannot be made, or a micro coefficient is not finite.
@@ -70,17 +96,16 @@ class Tiles:
         self._check("axle", seat)
         self._check("wheel", bore)
         model = self.predictor.model
-        if not isinstance(model, FoundationEnsemble):
+        if not isinstance(model, TrainedEnsemble):
             return self._whole(seat, bore, micro)
-        with torch.inference_mode():
-            rows = self._row[seat, bore]
-            if rows.min(initial=0) < 0:
-                self._prepare(model, *self._wanted(seat, bore, rows < 0))
-                rows = self._row[seat, bore]
-            which = torch.from_numpy(rows)
-            return self.predictor.answer(
-                self._laws.index_select(0, which), self._in_contact.index_select(0, which), micro
-            )
+        level = np.zeros_like(seat) if level is None else level
+        rows = self._row[seat, bore, level]
+        if rows.min(initial=0) < 0:
+            self._prepare(model, *self._wanted(seat, bore, level, rows < 0))
+            rows = self._row[seat, bore, level]
+        if not len(rows):
+            return self.predictor.nothing()
+        return self.predictor.answer(self._laws[rows], self._flags[rows], micro)
 
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
@@ -90,62 +115,68 @@ class Tiles:
         """
         which = np.array([tile], dtype=np.int64)
         self._check(body, which)
-        face: HeightArray = self._side(body, which).heights[tile].numpy()
+        face: HeightArray = self._side(body, which).heights[tile].view()
         face.setflags(write=False)
         return face
 
     def _whole(self, seat: IntArray, bore: IntArray, micro: float) -> Prediction:
         """Predict from what the paper's network makes of each face by itself."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
-        return self.predictor.join(wheels.parts[torch.from_numpy(bore)], axles.parts[torch.from_numpy(seat)], micro)
+        return self.predictor.join(wheels.parts[bore], axles.parts[seat], micro)
 
-    def _wanted(self, seat: IntArray, bore: IntArray, new: BoolArray) -> tuple[IntArray, IntArray]:
+    def _wanted(
+        self, seat: IntArray, bore: IntArray, level: IntArray, new: BoolArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
         """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
-        keys = np.unique(seat[new] * self.counts[1] + bore[new])
+        shape = self._row.shape
+        keys = np.unique(np.ravel_multi_index((seat[new], bore[new], level[new]), shape))
         for step in range(1, TILES_AHEAD + 1):
             room = -len(keys) % PAIRS_PER_CHUNK
             if not room:
                 break
             # the bore comes on by a tile, and its end reaches another tile of the seat
             seats, bores = np.concatenate([seat, seat + step]), np.concatenate([bore + step, bore])
+            levels = np.concatenate([level, level])
             there = (seats < self.counts[0]) & (bores < self.counts[1])
-            seats, bores = seats[there], bores[there]
-            unknown = self._row[seats, bores] < 0
-            more = np.setdiff1d(seats[unknown] * self.counts[1] + bores[unknown], keys)
-            keys = np.concatenate([keys, more[:room]])
-        seats, bores = np.divmod(keys, self.counts[1])
-        return seats, bores
+            seats, bores, levels = seats[there], bores[there], levels[there]
+            unknown = self._row[seats, bores, levels] < 0
+            ahead = np.ravel_multi_index((seats[unknown], bores[unknown], levels[unknown]), shape)
+            keys = np.concatenate([keys, np.setdiff1d(ahead, keys)[:room]])
+        seats, bores, levels = np.unravel_index(keys, shape)
+        return seats, bores, levels
 
-    def _prepare(self, model: FoundationEnsemble, seat: IntArray, bore: IntArray) -> None:
+    def _prepare(self, model: TrainedEnsemble, seat: IntArray, bore: IntArray, level: IntArray) -> None:
         """Add pairs to those whose laws are known."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
+        pressure = None if self.pressures is None else self.pressures.pressure(level)
+        load, free = self.predictor.conditions(len(seat), pressure, self.control)
         slopes, features = model.prepare(
             wheels.heights,
             axles.heights,
-            torch.from_numpy(bore),
-            torch.from_numpy(seat),
+            bore,
+            seat,
             roughness=(wheels.roughness, axles.roughness),
+            load=load,
+            constant_force=free,
         )
         old, new = self.prepared, self.prepared + len(seat)
-        self._laws, self._in_contact = _with_room(self._laws, old, new), _with_room(self._in_contact, old, new)
-        self._laws[old:new], self._in_contact[old:new] = (
-            model.affine_laws(slopes, features),
-            model.keeps_contact(features),
-        )
-        self._row[seat, bore] = np.arange(old, new)
+        laws = model.affine_laws(slopes, features)
+        self._laws, self._flags = _with_room(self._laws, laws, old), _with_room(self._flags, model.flags(features), old)
+        self.asked_anew += int((self._row[seat, bore] >= 0).any(axis=1).sum())
+        self._row[seat, bore, level] = np.arange(old, new)
         self.prepared = new
 
     def _side(self, body: Body, tiles: IntArray) -> _Side:
         """The faces of a body, with these tiles made."""
         side = self._sides[body]
         for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            heights = generated_face(body, tile_seed(self.seed, tile), self.surface, self.predictor.provenance.points)
-            side.heights[tile] = torch.from_numpy(heights)
-            if isinstance(self.predictor.model, FoundationEnsemble):
+            points = self.predictor.provenance.points
+            side.heights[tile] = generated_face(body, tile_seed(self.seed, tile), self.surface, points)
+            if isinstance(self.predictor.model, TrainedEnsemble):
                 side.roughness[tile] = upper_roughness(side.heights[tile])
             else:
                 part = self.predictor.face_part(body, side.heights[tile])
-                side.parts = side.parts if len(side.parts) else torch.zeros(len(side.made), *part.shape)
+                side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *part.shape), np.float32)
                 side.parts[tile] = part
             side.made[tile] = True
             self.faces += 1
@@ -163,19 +194,21 @@ class _Side:
     """Faces of a body, filled as they are needed."""
 
     def __init__(self, count: int, shape: tuple[int, int]) -> None:
-        self.heights = torch.zeros(count, *shape)
-        self.roughness = torch.zeros(count, 2)
-        self.parts = torch.zeros(0)  # of the paper's network, once a face is made
+        self.heights: HeightArray = np.zeros((count, *shape), dtype=np.float32)
+        self.roughness: Single = np.zeros((count, 2), dtype=np.float32)
+        self.parts: Single = np.zeros(0, dtype=np.float32)  # of the paper's network, once a face is made
         self.made = np.zeros(count, dtype=np.bool_)
 
 
-def _with_room(rows: Tensor, old: int, new: int) -> Tensor:
-    """The first `old` rows, in a table for `new` of them; it doubles, so that few rows are moved."""
-    if new <= len(rows):
-        return rows
-    larger = rows.new_empty(max(new, 2 * len(rows)), *rows.shape[1:])
-    larger[:old] = rows[:old]
-    return larger
+def _with_room(rows: npt.NDArray[T], more: npt.NDArray[T], old: int) -> npt.NDArray[T]:
+    """A table of the first `old` rows and of `more`; it doubles, so that few rows are moved."""
+    new = old + len(more)
+    if new > len(rows):
+        larger = np.empty((max(new, 2 * len(rows)), *more.shape[1:]), dtype=more.dtype)
+        larger[:old] = rows[:old] if old else larger[:0]
+        rows = larger
+    rows[old:new] = more
+    return rows
 
 
 def load_predictor(path: Path | None) -> Predictor:
@@ -199,6 +232,13 @@ def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
 
 
 @functools.lru_cache(maxsize=1)
-def shared_tiles(predictor: Predictor, seed: int, surface: FaceKeys, counts: tuple[int, int]) -> Tiles:
+def shared_tiles(
+    predictor: Predictor,
+    seed: int,
+    surface: FaceKeys,
+    counts: tuple[int, int],
+    pressures: PressureLevels | None = None,
+    control: Control | None = None,
+) -> Tiles:
     """Tiles of these arguments: the same object as last time if the arguments are the same."""
-    return Tiles(predictor, seed, surface, counts)
+    return Tiles(predictor, seed, surface, counts, pressures, control)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
+from surrogate.data.plates import Faces
 from surrogate.data.samples import Plates
 from surrogate.network.checkpoint import EnsembleOptions, Provenance, save_checkpoint
-from surrogate.network.dataset import Faces
 
 
 def untrained(path: Path, stiffness: float = 3e4, faces: Faces = "generated") -> str:

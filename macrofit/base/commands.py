@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -27,6 +28,8 @@ BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 """Settings of the context of every command."""
 FILE = click.Path(path_type=Path)
+YOUNG = 20_000
+"""New objects after which Python looks for unreachable ones; after its 700, imports and figures make it look at all."""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that numpy, PETSc and numba read when they are first imported."""
 
@@ -53,6 +56,7 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
+        gc.set_threshold(YOUNG)
         open_streams()
         end_as_ctrl_c()
         try:

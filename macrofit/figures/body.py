@@ -72,14 +72,16 @@ def draw_field(
     axes: Any, field: BodyField, window: Window, values: FloatArray, *, scale: Any, colours: str = "viridis"
 ) -> Any:
     """Colours of the triangles that reach into the window, and the outline of the body; gives what a bar is of."""
-    from matplotlib.collections import LineCollection
+    from matplotlib.collections import TriMesh
 
-    seen = seen_cells(field, window)
-    drawn = axes.tripcolor(
-        _triangles(field, seen), values, shading="gouraud", cmap=colours, norm=scale, rasterized=True
-    )  # fmt: skip
-    place = deformed(field)
-    axes.add_collection(LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6))
+    drawn = TriMesh(_triangles(field, seen_cells(field, window)), cmap=colours, norm=scale, rasterized=True)
+    drawn.set_array(values)
+    axes.add_collection(drawn, autolim=False)  # `frame_view` sets the limits; to find them takes a path per triangle
+    edges = deformed(field)[_outline(field.cells)]
+    apart = np.concatenate([edges, np.full_like(edges[:, :1], np.nan)], axis=1)  # one line with gaps
+    r, z = apart.reshape(-1, 2).T
+    style = {"color": "black", "lw": 0.6, "solid_capstyle": "butt", "scalex": False, "scaley": False}
+    axes.plot(z, r, zorder=2, **style)
     return drawn
 
 

@@ -156,7 +156,7 @@ def interface(solution: Solution) -> Any:
                 style = {"fontsize": 9.5, "fontweight": "bold", "ha": "right", "va": "top"}
                 axes.annotate(_stage(solution, record), (0.985, 0.93), xycoords="axes fraction", **style)
         _same_limits(rows, solution.seat)
-        rows[0].set_title(label, fontsize=10, loc="left")
+        rows[0].set_title(label, fontsize=10, loc="left", y=1.0)
         rows[-1].set_xlabel(f"{coordinate} [mm]")
     style = {"frameon": False, "fontsize": 8.5, "loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
     if rows[0].get_legend_handles_labels()[0]:
@@ -229,4 +229,4 @@ def label_curve(axes: Any, title: str) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0) if low < -0.06 * high else 0.0, high + 0.04 * (high - low))
     if title:
-        axes.set_title(title, fontsize=10)
+        axes.set_title(title, fontsize=10, y=1.0)

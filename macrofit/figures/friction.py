@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import FloatArray
-from ..base.figure import BLUE, DPI, GREEN, VERMILION
+from ..base.figure import BLUE, GREEN, VERMILION, blank, placed
 
 if TYPE_CHECKING:
     from ..solution import Increment, PairFrictionMap, Solution
 
 COLOURS = (BLUE, GREEN, VERMILION)
 """One for each displacement shown."""
+BELOW = 0.5
+"""Room for the words under the axes [inch]."""
 FLATTEST = 0.02
 """Least height of the axis of coefficients [-], so that rounding is not drawn as variation."""
 
@@ -25,16 +27,15 @@ def friction(solution: Solution, pairs: PairFrictionMap) -> Any:
     Right: the coefficient of every pair of tiles met, seat tile along x and bore tile along y; the pairs that face
     each other at a displacement lie on a falling line.
     """
-    from matplotlib.figure import Figure
-
     stages = _stages(solution.increments)
     colours = COLOURS[-len(stages) :]
-    figure = Figure(figsize=(10.5, 5.0), dpi=DPI, layout="constrained")
-    grid = figure.add_gridspec(len(stages), 2, width_ratios=[1.0, 1.15])
+    figure = blank(10.5, 5.0)
+    step = (5.0 - BELOW - 0.32) / len(stages)
     rows: list[Any] = []
     for k, (record, colour) in enumerate(zip(stages, colours, strict=True)):
         first = rows[0] if rows else None
-        rows.append(figure.add_subplot(grid[k, 0], sharex=first, sharey=first))
+        bottom = BELOW + (len(stages) - 1 - k) * step
+        rows.append(placed(figure, 0.75, bottom, 4.1, step - 0.26, sharex=first, sharey=first))
         _along(rows[-1], solution, pairs, record, colour)
         rows[-1].tick_params(labelbottom=k == len(stages) - 1, labelsize=9)
     coordinate = "z along the axle" if solution.scene.direction == "radial" else "radius r"
@@ -43,12 +44,11 @@ def friction(solution: Solution, pairs: PairFrictionMap) -> Any:
     rows[0].set_ylim(*_range(solution, pairs, stages))
     held = np.flatnonzero(np.any([record.facets.pressure > 0.0 for record in stages], axis=0))
     rows[0].set_xlim(solution.seat[held[0]], solution.seat[held[-1] + 1])
-    drawn = figure.add_subplot(grid[:, 1])
-    _pair_map(figure, drawn, pairs)
+    drawn = _pair_map(figure, pairs)
     for record, colour in zip(stages, colours, strict=True):
         _facing(drawn, pairs, record.displacement, colour)
     if solution.scene.title:
-        figure.suptitle(solution.scene.title, fontsize=10)
+        figure.suptitle(solution.scene.title, fontsize=10, y=1.0 - 0.08 / 5.0, va="top")
     return figure
 
 
@@ -63,7 +63,7 @@ def _along(axes: Any, solution: Solution, pairs: PairFrictionMap, record: Increm
     axes.axhline(record.mean_friction, color="0.45", lw=0.9, ls=(0, (4, 3)), zorder=1)
     axes.set_title(
         f"{record.displacement:g} mm, mean weighted with the pressure {record.mean_friction:.4f}",
-        fontsize=9, loc="left", pad=3, color=colour,
+        fontsize=9, loc="left", pad=3, color=colour, y=1.0,
     )  # fmt: skip
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="0.92", lw=0.6)
@@ -104,17 +104,22 @@ def facet_uncertainty(solution: Solution, pairs: PairFrictionMap, displacement: 
     return spread
 
 
-def _pair_map(figure: Any, axes: Any, pairs: PairFrictionMap) -> None:
+def _pair_map(figure: Any, pairs: PairFrictionMap) -> Any:
     """The coefficient of the pairs met, as an image; pairs that never met stay white."""
     table = np.full((pairs.bore.max() + 1, pairs.seat.max() + 1), np.nan)
     table[pairs.bore, pairs.seat] = pairs.coefficient
+    left, width, height = 5.6, 3.75, 3.9  # at most
+    scale = min(width / table.shape[1], height / table.shape[0])
+    bottom = BELOW + 0.5 * (height - scale * table.shape[0])
+    axes = placed(figure, left, bottom, scale * table.shape[1], scale * table.shape[0])
     low, high = np.nanpercentile(pairs.coefficient, [1.0, 99.0]) if pairs.seat.size > 500 else (None, None)
     image = axes.imshow(
         table, origin="lower", cmap="cividis", vmin=low, vmax=high, interpolation="nearest", aspect="equal",
         extent=(0, table.shape[1], 0, table.shape[0]),
     )  # fmt: skip
     extend = "neither" if low is None else "both"
-    bar = figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02, extend=extend, extendfrac=0.02)
+    beside = placed(figure, left + scale * table.shape[1] + 0.12, BELOW + 0.2, 0.16, height - 0.4)
+    bar = figure.colorbar(image, cax=beside, extend=extend, extendfrac=0.02)
     bar.set_label("coefficient of friction of a pair [-]" + ("" if pairs.lasting else ", latest"), fontsize=10)
     bar.ax.tick_params(labelsize=9)
     size, origin = pairs.tiling.size, pairs.tiling.seat_origin
@@ -122,6 +127,7 @@ def _pair_map(figure: Any, axes: Any, pairs: PairFrictionMap) -> None:
     axes.set_ylabel(f"bore tile [{size:g} mm each, from the leading edge]")
     axes.tick_params(labelsize=9)
     axes.spines[["top", "right"]].set_visible(False)
+    return axes
 
 
 def _facing(axes: Any, pairs: PairFrictionMap, displacement: float, colour: str) -> None:

@@ -85,7 +85,7 @@ def _draw_view(axes: Any, solution: Solution, bodies: Mapping[str, BodyField], v
         draw_push(axes, bodies["wheel"], view.window)
     draw_axis(axes, view.window)
     axes.set_xlabel("z [mm]")
-    axes.set_title(view.title, fontsize=9)
+    axes.set_title(view.title, fontsize=9, y=1.0)
     axes.spines[["top", "right"]].set_visible(bool(view.title))
     return drawn
 

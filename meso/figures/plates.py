@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
-from macrofit.base.figure import BLUE, COLOURS, VERMILION, blank, placed, plain, save
+from macrofit.base.figure import BLUE, COLOURS, DPI, VERMILION, blank, placed, plain, save
 
 from ..surfaces.roughness import measure
 from ..surfaces.surface import Surface
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..records import Curve, Slide
 
 
-PIXELS = 420
-"""Points along 1 mm of a map."""
 MANY = 6
 """Slides named in a figure; more are drawn without."""
 WIDTH = 1250
@@ -49,7 +47,7 @@ def surface(face: Surface, title: str) -> Any:
     figure = blank(across + 1.6, up + 0.85)
     axes = placed(figure, 0.55, 0.5, across, up)
     _maps(figure, [axes], [face])
-    axes.set_title(title, fontsize=10)
+    axes.set_title(title, fontsize=10, y=1.0)
     axes.set_xlabel("x, along the slide [mm]", fontsize=9)
     axes.set_ylabel("y [mm]", fontsize=9)
     return figure
@@ -65,10 +63,10 @@ def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radiu
     _maps(figure, axes[0], [wheel, axle])
     _maps(figure, axes[1], list(envelopes.values()), depth=radius)
     for each, body, face in zip(axes[0], ("wheel", "axle"), (wheel, axle), strict=True):
-        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5)
+        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5, y=1.0)
         each.tick_params(labelbottom=False)
     for each, (body, face) in zip(axes[1], envelopes.items(), strict=True):
-        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5)
+        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5, y=1.0)
         each.set_xlabel("x, along the slide [mm]", fontsize=9)
     for left, right in axes:
         left.set_ylabel("y [mm]", fontsize=9)
@@ -89,10 +87,11 @@ def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: flo
     scale = Normalize(1e3 * low, 1e3 * max(high, low + 1e-9))
     for each, face in zip(axes, faces, strict=True):
         length, width = face.size
-        x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / width))) for side in face.size)
+        box = each.get_position().size * figure.get_size_inches() * DPI
+        x, y = (np.linspace(0.0, side, max(2, round(pixels))) for side, pixels in zip(face.size, box, strict=True))
         heights = face.at(x[None, :], y[:, None])  # rows from below
-        extent = (0.0, length, 0.0, width)
-        each.imshow(1e3 * heights, extent=extent, origin="lower", interpolation="nearest", cmap=colours, norm=scale)
+        shown = colours(scale(1e3 * heights), bytes=True)  # a picture of heights would be resampled twice
+        each.imshow(shown, extent=(0.0, length, 0.0, width), origin="lower", interpolation="nearest")
         if depth == np.inf:
             lines = {"levels": np.linspace(scale.vmin, scale.vmax, LEVELS + 2)[1:-1], "linestyles": "solid"}
             each.contour(x[::6], y[::6], 1e3 * heights[::6, ::6], colors="white", linewidths=0.5, alpha=0.6, **lines)
@@ -191,8 +190,8 @@ def forces(slides: Sequence[Slide]) -> Any:
     slide.tick_params(labelbottom=False, labelleft=False)
     squeeze.set_ylabel("force [N]")
     squeeze.set_xlabel("approach [µm]")
-    squeeze.set_title("squeeze", fontsize=10)
-    slide.set_title(f"slide ({first.engine})", fontsize=10)
+    squeeze.set_title("squeeze", fontsize=10, y=1.0)
+    slide.set_title(f"slide ({first.engine})", fontsize=10, y=1.0)
     ratio.set_ylabel("T / N")
     ratio.set_xlabel("displacement of the wheel [mm]")
     words.set_axis_off()

@@ -99,7 +99,7 @@ class _Draws(NamedTuple):
     levels: list[_Level]
 
 
-@functools.lru_cache(maxsize=6)
+@functools.lru_cache(maxsize=16)  # four for a column of each body, in turn
 def _draws(body: Body, strip: int, levels: int, column: int) -> _Draws:
     """Uniform numbers of a column; those of more levels have the same beginning."""
     cells = 2 ** np.arange(levels)

@@ -105,7 +105,7 @@ def read_database(path: Path) -> Database:
             samples = {name: np.concatenate([stored, new[name]]) for name, stored in samples.items()}
             failures |= content.failures
     order = np.argsort(samples["id"], kind="stable")
-    taken = Samples(**{name: samples.pop(name)[order] for name in list(samples)})  # one column twice in memory, not all
+    taken = header.completed({name: samples.pop(name)[order] for name in list(samples)})  # one column twice in memory
     if len(taken) > 1 and np.any(np.diff(taken.id) == 0):
         raise DatabaseError(f"{path}: sample {taken.id[:-1][np.diff(taken.id) == 0][0]} is there twice; make it anew")
     return Database(header, taken, dict(sorted(failures.items())), content_hash(taken))
@@ -364,7 +364,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Header]]:
         with h5py.File(path, "r") as file:
             if str(file.attrs.get("format", "")) != FORMAT:
                 raise DatabaseError(f"{path}: is an HDF5 file, but not a database of samples")
-            if int(file.attrs["schema"]) != SCHEMA:
+            if not 1 <= int(file.attrs["schema"]) <= SCHEMA:
                 raise DatabaseError(f"{path}: is of schema {file.attrs['schema']}, not {SCHEMA}; make it anew")
             _check_stored(file)
             kinds = {field.name: field.type for field in msgspec.structs.fields(Header)}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from scipy.stats import qmc
 
 from macrofit.base.arrays import FloatArray
+from meso.settings import POINTS_OF_A_GROOVE
 from meso.surfaces.surface import TILES, tile_seed
 
 from ..errors import DesignError
@@ -19,6 +21,14 @@ PLACES = 4
 """Distance of two samples on one strip, in tiles: two for the axle's face, one on each side for what it depends on."""
 SEEDS_OF_A_STRIP = TILES
 """Seeds that share a strip, and no sample of one is independent of the others."""
+LAYS = ("turned", "ground")
+"""Lays that a design deals to its share of pairs with one, each as likely."""
+FEED = 0.15, 0.6
+"""Range of the distance of turned grooves, log-uniform [mm]; at least `POINTS_OF_A_GROOVE` spacings of the grid."""
+DEPTH = 0.1, 0.8
+"""Range of the depth of turned grooves over R, log-uniform [-]."""
+ANISOTROPY = 2.0, 20.0
+"""Range of the anisotropy of ground faces, log-uniform [-]."""
 FINEST_LEVEL = 5
 """Largest number of levels: the 33 points of a matrix along an edge leave out nothing of 2^n + 1 up to here."""
 
@@ -48,7 +58,18 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
     hurst_exponent: tuple[float, float] = (0.5, 1.0)
     """Range of the Hurst exponent H, uniform [-]."""
     micro_friction: int | tuple[float, ...] = 2
-    """How many, one in each part of FRICTION_RANGE; or the coefficients themselves, the same for all pairs."""
+    """How many, one in each part of `friction_range`; or the coefficients themselves, the same for all pairs."""
+    friction_range: tuple[float, float] = FRICTION_RANGE
+    """Range of the micro coefficients [-]."""
+    friction_scale: Literal["linear", "log"] = "linear"
+    """Parts of the range of equal width, or of equal ratio."""
+    pressure: tuple[float, float] | None = None
+    """Range of the pressure before the slide, log-uniform [MPa]; None: that of the settings. At another modulus E it
+    stands for pressure x E / youngs_modulus: a coefficient depends on p/E alone."""
+    forms: tuple[str, ...] = ()
+    """Forms of the faces, each as likely; none: that of the settings."""
+    with_lay: float = 0.0
+    """Share of the pairs whose faces are turned or ground [-]; 0: the lay of the settings."""
 
     def __post_init__(self) -> None:
         limits = {
@@ -66,6 +87,10 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
             raise DesignError(f"--max-height = {self.max_height}: take two heights in mm, 0 < the lower <= the upper")
         if not 0.0 <= self.hurst_exponent[0] <= self.hurst_exponent[1] <= 1.0:
             raise DesignError(f"--hurst = {self.hurst_exponent}: take two exponents, 0 <= the lower <= the upper <= 1")
+        if self.pressure is not None and not 0.0 < self.pressure[0] <= self.pressure[1]:
+            raise DesignError(f"pressure = {self.pressure}: take two pressures in MPa, 0 < the lower <= the upper")
+        if not 0.0 <= self.with_lay <= 1.0:
+            raise DesignError(f"with_lay = {self.with_lay}: take a share, 0 ... 1")
         if not self.levels or not all(1 <= level <= FINEST_LEVEL for level in self.levels):
             raise DesignError(f"--levels = {self.levels}: take one or more of 1 ... {FINEST_LEVEL}")
         given = self.micro_friction
@@ -77,6 +102,11 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
         """Number of micro coefficients per sample, k."""
         return self.micro_friction if isinstance(self.micro_friction, int) else len(self.micro_friction)
 
+    @property
+    def wide(self) -> bool:
+        """Whether pairs differ in more than R, level, exponent and micro coefficients."""
+        return bool(self.pressure is not None or self.forms or self.with_lay)
+
     def points(self, pairs: int) -> list[Point]:
         """The first pairs of the design; more pairs have the same beginning.
 
@@ -85,7 +115,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
         """
         if not 1 <= pairs <= 2**30 - self.first_surface:
             raise DesignError(f"--pairs = {pairs}: take 1 ... {2**30 - self.first_surface}")
-        sequence = qmc.Sobol(3 + self.count, scramble=True, seed=self.seed)
+        sequence = qmc.Sobol(3 + self.count + 5 * self.wide, scramble=True, seed=self.seed)
         if self.first_surface:  # by 0 it fails
             sequence.fast_forward(self.first_surface)
         with warnings.catch_warnings():
@@ -94,17 +124,39 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
 
     def _point(self, u: FloatArray) -> Point:
         """The pair at a point of the unit cube."""
-        low, high = self.max_height
+        max_height, count = _between(*self.max_height, u[0]), self.count
+        levels = self.levels[int(u[1] * len(self.levels))]
         given = self.micro_friction
         if isinstance(given, int):
-            start, end = FRICTION_RANGE
-            given = tuple((start + (end - start) * (np.arange(self.count) + u[3:]) / self.count).tolist())
+            shares = ((np.arange(count) + u[3 : 3 + count]) / count).tolist()
+            start, end = self.friction_range
+            linear = self.friction_scale == "linear"
+            given = tuple(start + (end - start) * at if linear else _between(start, end, at) for at in shares)
+        more = u[3 + count :]
         return Point(
-            max_height=float(low * (high / low) ** u[0]),
-            levels=self.levels[int(u[1] * len(self.levels))],
+            max_height=max_height,
+            levels=levels,
             hurst_exponent=float(self.hurst_exponent[0] + (self.hurst_exponent[1] - self.hurst_exponent[0]) * u[2]),
             micro_friction=given,
+            pressure=None if self.pressure is None else _between(*self.pressure, more[0]),
+            face=self._face(more[1:], max_height, levels) if self.wide else {},
         )
+
+    def _face(self, u: FloatArray, max_height: float, levels: int) -> dict[str, float | str]:
+        """Form and lay of a pair's faces, from four numbers of the unit interval."""
+        keys: dict[str, float | str] = {}
+        if self.forms:
+            keys["form"] = self.forms[int(u[0] * len(self.forms))]
+        if u[1] >= self.with_lay:
+            return keys
+        keys["lay"] = lay = LAYS[int(u[1] / self.with_lay * len(LAYS))]
+        if lay == "ground":
+            return keys | {"anisotropy": _between(*ANISOTROPY, u[2])}
+        narrowest = max(FEED[0], POINTS_OF_A_GROOVE / 2**levels)
+        return keys | {
+            "feed": _between(narrowest, FEED[1], u[2]),
+            "groove_depth": max_height * _between(*DEPTH, u[3]),
+        }
 
     def surface_seed(self, pair: int, form: str) -> int:
         """Seed of both surfaces of a pair; the streams of the two bodies are independent.
@@ -136,3 +188,30 @@ class Point(msgspec.Struct, frozen=True, kw_only=True):
     """Hurst exponent H [-]."""
     micro_friction: tuple[float, ...]
     """Micro coefficients [-], rising."""
+    pressure: float | None = None
+    """Pressure before the slide [MPa]; None: that of the settings."""
+    face: dict[str, float | str] = {}
+    """Form, lay and what goes with it: keys of `meso.settings.FaceKeys` that differ from the settings."""
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """The place of a share of the way between two numbers, by ratio."""
+    return float(low * (high / low) ** share)
+
+
+DESIGNS: dict[str, dict[str, Any]] = {
+    "narrow": {},
+    "wide": {
+        "max_height": (0.001, 0.1),
+        "levels": (3, 4, 5),
+        "hurst_exponent": (0.2, 1.0),
+        "friction_range": (0.01, 0.3),
+        "friction_scale": "log",
+        "pressure": (20.0, 520.0),
+        "forms": ("strip", "tiles"),
+        "with_lay": 1.0 / 3.0,
+    },
+}
+"""Designs that go by a name: the ranges of real seats are wide (at 210 GPa 520 MPa is 170 MPa on aluminium)."""
+SETTINGS_OF_DESIGN: dict[str, tuple[str, ...]] = {"narrow": (), "wide": ("load.control=force",)}
+"""Settings of the plates that go with a design, as `key=value`: at constant force contact is never lost."""

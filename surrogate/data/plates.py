@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
+from macrofit.base.arrays import FloatArray
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
+Faces = Literal["generated", "envelope"]
+"""Surfaces as generated, or as the envelopes of their spheres."""
 YOUNGS_MODULUS_SLACK = 0.03
 """Largest relative distance from the plates' modulus [-]. Between 206 and 210 GPa the coefficient moves by less than
 0.1 %: half the pressure is worth 1.8 %."""
@@ -94,6 +97,10 @@ class Plates(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     def load(self) -> float:
         """Normal force before the slide [N]."""
         return self.pressure * self.edge**2
+
+    def on_steel(self, pressure: FloatArray) -> FloatArray:
+        """Normal force on steel that presses plates as this pressure does these [N]: it goes with 1/E."""
+        return pressure * (self.edge**2 * YOUNGS_MODULUS / self.youngs_modulus)
 
     @property
     def dynamic(self) -> bool:

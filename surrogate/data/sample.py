@@ -20,7 +20,7 @@ from meso.settings import Settings, dump
 from meso.settings import load as load_settings
 
 from ..errors import DesignError
-from .design import Design
+from .design import DESIGNS, Design
 from .faces import sampled_heights
 from .samples import Header
 
@@ -37,6 +37,8 @@ KEYS_OF_DESIGN = {
     "contact.micro_friction": "it is --micro-friction",
 }
 """Keys of the plates' settings that belong to the design, and what sets them."""
+KEYS_OF_WIDE = {"load.pressure": "pressure", "surface.form": "forms", "surface.lay": "with_lay"}
+"""Keys that belong to a design which varies them, and the field by which it does."""
 
 
 @dataclass(frozen=True)
@@ -60,24 +62,26 @@ class Result:
 def design_tasks(design: Design, settings: Settings, pairs: int, header: Header) -> Iterator[Task]:
     """All samples of the first pairs of a design, by id."""
     for pair, point in enumerate(design.points(pairs)):
-        seed = design.surface_seed(pair, settings.surface.form)
-        surface = msgspec.structs.replace(
-            settings.surface,
-            wheel_seed=seed,
-            axle_seed=seed,
-            levels=point.levels,
-            max_height=point.max_height,
-            hurst_exponent=point.hurst_exponent,
-        )
+        seed = design.surface_seed(pair, str(point.face.get("form", settings.surface.form)))
+        shape = {"levels": point.levels, "max_height": point.max_height, "hurst_exponent": point.hurst_exponent}
+        surface = msgspec.structs.replace(settings.surface, wheel_seed=seed, axle_seed=seed, **shape, **point.face)
+        load = settings.load
+        if point.pressure is not None:
+            load = msgspec.structs.replace(load, pressure=point.pressure)
         contact = msgspec.structs.replace(settings.contact, micro_friction=point.micro_friction)
         for packing in range(design.packings):
             packed = msgspec.structs.replace(settings.plates, packing_seed=design.packing_seed(pair, packing))
-            changed = msgspec.structs.replace(settings, surface=surface, plates=packed, contact=contact)
+            changed = msgspec.structs.replace(settings, surface=surface, plates=packed, contact=contact, load=load)
             yield Task(design.packings * pair + packing, changed, header)
 
 
-def plate_settings(overrides: Iterable[str] = (), preset: str = DEFAULT) -> Settings:
+def plate_settings(overrides: Iterable[str] = (), preset: str = DEFAULT, design: Design | None = None) -> Settings:
     """Read settings of the plates: a preset's, changed by `key=value` with dotted keys that are not the design's.
+
+    Args:
+        overrides: the changes.
+        preset: name of the plates.
+        design: what it varies besides is refused too.
 
     Raises:
         DesignError: naming the key.
@@ -88,15 +92,16 @@ def plate_settings(overrides: Iterable[str] = (), preset: str = DEFAULT) -> Sett
     except MesoError as error:
         raise DesignError(f"--set {error}") from None
     named = {override.partition("=")[0].strip() for override in overrides}
-    for key, instead in KEYS_OF_DESIGN.items():
+    varied = {key: f"--design varies it ({field})" for key, field in KEYS_OF_WIDE.items() if getattr(design, field, 0)}
+    for key, instead in (KEYS_OF_DESIGN | varied).items():
         table, _, name = key.partition(".")
         if key in named or getattr(getattr(settings, table), name) != getattr(getattr(plain, table), name):
             raise DesignError(f"--set {key}: leave it out, {instead}")
     return settings
 
 
-def design_on_preset(preset: str, **options: Any) -> Design:
-    """The design of these options; ranges of the surfaces that are left out (None) are a preset's, or the defaults.
+def design_on_preset(preset: str, design: str = "narrow", **options: Any) -> Design:
+    """The design of these options; ranges that are left out (None) are those of a named design, or a preset's.
 
     A preset with one roughness has a range of one value.
     """
@@ -105,7 +110,7 @@ def design_on_preset(preset: str, **options: Any) -> Design:
     if surface:
         height, exponent = surface["max_height"], surface["hurst_exponent"]
         ranges = {"max_height": (height,) * 2, "levels": (surface["levels"],), "hurst_exponent": (exponent,) * 2}
-    return Design(**ranges | {key: value for key, value in options.items() if value is not None})
+    return Design(**ranges | DESIGNS[design] | {key: value for key, value in options.items() if value is not None})
 
 
 def header_of(design: Design, settings: Settings) -> Header:
@@ -145,6 +150,12 @@ def simulate(task: Task) -> Result:
         "levels": surface.levels,
         "max_height": surface.max_height,
         "hurst_exponent": surface.hurst_exponent,
+        "pressure": settings.load.pressure,
+        "form": surface.form.encode(),
+        "lay": surface.lay.encode(),
+        "feed": surface.feed,
+        "groove_depth": surface.groove_depth,
+        "anisotropy": surface.anisotropy,
         "wheel": sampled_heights(test.plates.wheel_packing.surface, header.points),
         "axle": sampled_heights(test.plates.axle_packing.surface, header.points),
         "wheel_envelope": test.plates.wheel_packing.envelope((across, across)),

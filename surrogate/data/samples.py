@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -18,7 +18,12 @@ from meso.settings import FaceKeys
 from ..errors import DatabaseError
 from .plates import Plates
 
-SCHEMA = 1
+SCHEMA = 2
+"""Version of the fields; 1 had no `FACES_AND_LOAD`, which all samples of a database shared."""
+FACES_AND_LOAD = ("pressure", "form", "lay", "feed", "groove_depth", "anisotropy")
+"""Fields of a sample that those of schema 1 lack."""
+VARIED_FACES = ("levels", "max_height", "hurst_exponent")
+"""Keys of the faces that every design varies."""
 BLOCK = 256
 """Samples that are laid out row by row at a time."""
 
@@ -68,6 +73,12 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         except (TomlError, KeyError, msgspec.ValidationError) as error:
             raise DatabaseError(f"settings of the plates cannot be read ({error}); make the database anew") from error
 
+    def face_keys(self, samples: Samples, sample: int) -> FaceKeys:
+        """How the faces of a sample were made."""
+        varied = {name: getattr(samples, name)[sample].item() for name in (*VARIED_FACES, *FACES_AND_LOAD[1:])}
+        text = {name: value.decode() for name, value in varied.items() if isinstance(value, bytes)}
+        return msgspec.structs.replace(self.surface, **varied | text)
+
     def row(self) -> np.dtype[Any]:
         """The type of one sample: the fields of `Samples`."""
         k, n = self.micro_frictions, self.points - 1
@@ -85,12 +96,26 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
             "axle_envelope": np.dtype(("<f4", (2 * self.squares * n + 1, 2 * n + 1))),
             "engine": np.dtype(("S16", (k,))),
             "remark": np.dtype("S240"),
-            "max_height": np.dtype("<f8"),
-            "hurst_exponent": np.dtype("<f8"),
-            "cpu_s": np.dtype("<f8"),
+            "form": np.dtype("S8"),
+            "lay": np.dtype("S9"),
         }
-        known = per_coefficient | special
-        return np.dtype([(field.name, known.get(field.name, np.dtype("<i8"))) for field in fields(Samples)])
+        numbers = ("max_height", "hurst_exponent", "pressure", "feed", "groove_depth", "anisotropy", "cpu_s")
+        known = per_coefficient | special | dict.fromkeys(numbers, np.dtype("<f8"))
+        names = [field.name for field in fields(Samples) if self.schema > 1 or field.name not in FACES_AND_LOAD]
+        return np.dtype([(name, known.get(name, np.dtype("<i8"))) for name in names])
+
+    def completed(self, columns: dict[str, npt.NDArray[Any]]) -> Samples:
+        """Make the samples of these columns; what those of schema 1 lack is the same for all, and in the settings."""
+        if self.schema == 1:
+            surface, count = self.surface, len(columns["id"])
+            shared = {"pressure": self.plates.pressure} | {name: getattr(surface, name) for name in FACES_AND_LOAD[1:]}
+            row = msgspec.structs.replace(self, schema=SCHEMA).row()
+            filled = {
+                name: np.full(count, value.encode() if isinstance(value, str) else value, row[name])
+                for name, value in shared.items()
+            }
+            columns = columns | filled
+        return Samples(**{field.name: columns.pop(field.name) for field in fields(Samples)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +141,18 @@ class Samples:
     """Range R of the random heights [mm]."""
     hurst_exponent: FloatArray
     """Hurst exponent H [-]."""
+    pressure: FloatArray
+    """Normal force over the apparent area before the slide [MPa], shape (n,)."""
+    form: npt.NDArray[np.bytes_]
+    """Form of the faces, shape (n,)."""
+    lay: npt.NDArray[np.bytes_]
+    """Lay of the faces, shape (n,)."""
+    feed: FloatArray
+    """Distance of turned grooves [mm]."""
+    groove_depth: FloatArray
+    """Depth of turned grooves [mm]."""
+    anisotropy: FloatArray
+    """Anisotropy of ground faces [-]."""
     wheel: HeightArray
     """Surface of the wheel [mm], shape (n, 33, 33) on 1 x 1 mm; exact, for grids of 2^levels + 1 points nest."""
     axle: HeightArray
@@ -153,6 +190,18 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.id)
+
+
+def select_samples(samples: Samples, rows: IntArray) -> Samples:
+    """Select some of the samples, in the order of `rows`."""
+    return Samples(**{name: column[rows] for name, column in vars(samples).items()})
+
+
+def joined_samples(parts: Sequence[Samples]) -> Samples:
+    """All samples of the parts, one part after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
 def content_hash(samples: Samples) -> str:

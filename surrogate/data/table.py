@@ -15,6 +15,7 @@ import gzip
 import hashlib
 import io
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -139,12 +140,11 @@ def _samples(header: Header, rows: list[dict[str, str]]) -> Samples:
         column = np.array([row[name].encode() if kinds[name].base.kind == "S" else row[name] for row in rows])
         column = column.astype(kinds[name].base).reshape(-1, k)
         values[name] = column if kinds[name].shape else column[:, 0]
+    values |= {name: np.zeros((len(rows) // k, 0, 0), dtype=np.float32) for name in HEIGHTS}
+    samples = header.completed(values)
     faces: dict[str, list[Any]] = {"wheel": [], "axle": []}
-    shared = header.surface
-    for i in range(len(values["id"])):
-        varied = {name: values[name][i].item() for name in ("levels", "max_height", "hurst_exponent")}
-        keys = msgspec.structs.replace(shared, **varied)
-        faces["wheel"].append(generated_face("wheel", int(values["wheel_seed"][i]), keys, header.points))
-        faces["axle"].append(generated_face("axle", int(values["axle_seed"][i]), keys, header.points))
-    values |= {name: np.zeros((len(rows) // k, 0, 0), dtype=np.float32) for name in HEIGHTS[2:]}
-    return Samples(**values | {name: np.array(made) for name, made in faces.items()})
+    for i in range(len(samples)):
+        keys = header.face_keys(samples, i)
+        faces["wheel"].append(generated_face("wheel", int(samples.wheel_seed[i]), keys, header.points))
+        faces["axle"].append(generated_face("axle", int(samples.axle_seed[i]), keys, header.points))
+    return replace(samples, **{name: np.array(made) for name, made in faces.items()})

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
-from macrofit.base.arrays import BoolArray, FloatArray, IntArray
+from macrofit.base.arrays import BoolArray, FloatArray
 
 from ..data.design import SEEDS_OF_A_STRIP
 from ..data.plates import Plates
-from ..data.samples import Samples
+from ..data.samples import Samples, select_samples
 from ..errors import EvaluationError
 from ..network.checkpoint import Provenance
+from ..network.dataset import STEEL
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class MeasuredPairs:
     """Meso coefficients, (n, p, k)."""
     in_contact: BoolArray
     """Whether contact was kept along the whole slide, (n, p)."""
+    plates: Plates = STEEL
+    """What all plates have in common."""
 
     @property
     def packings(self) -> int:
@@ -57,8 +61,8 @@ class MeasuredPairs:
         return np.asarray(np.mean(np.mean(apart, axis=0) / np.sqrt(2.0) / np.abs(self.meso.mean(1)), axis=0))
 
 
-def arrange_tests(samples: Samples) -> MeasuredPairs:
-    """Arrange the samples by pair of surfaces and packing.
+def arrange_tests(samples: Samples, plates: Plates = STEEL) -> MeasuredPairs:
+    """Arrange the samples by pair of surfaces and packing; `plates` are what all have in common.
 
     Raises:
         EvaluationError: pairs with different micro coefficients, or different numbers of packings.
@@ -83,10 +87,11 @@ def arrange_tests(samples: Samples) -> MeasuredPairs:
         micro=micro[0],
         meso=samples.meso_friction[order],
         in_contact=np.all(samples.minimum_normal > 0.0, axis=1)[order],
+        plates=plates,
     )
 
 
-def require_unseen(samples: Samples, provenance: Provenance, form: str = "tiles") -> None:
+def require_unseen(samples: Samples, provenance: Provenance) -> None:
     """Refuse samples whose surfaces, or for a network of envelopes whose packings, were there in training.
 
     Strips and tiles by themselves have streams of their own; of strips, a whole one was seen or not.
@@ -94,21 +99,21 @@ def require_unseen(samples: Samples, provenance: Provenance, form: str = "tiles"
     Args:
         samples: friction tests.
         provenance: what the network learned from.
-        form: form of the samples' faces.
 
     Raises:
         EvaluationError: naming a seed.
     """
+    seen = provenance.seeds_of_form or {provenance.plates.form: provenance.surface_seeds}
     kinds = []
-    strips = form == "strip"
-    if strips == (provenance.plates.form == "strip"):
-        per, (low, high) = (SEEDS_OF_A_STRIP if strips else 1), provenance.surface_seeds
-        seeds = [samples.wheel_seed // per, samples.axle_seed // per]
+    for form, (low, high) in seen.items():
+        strips = form == "strip"
+        per = SEEDS_OF_A_STRIP if strips else 1
+        alike = (samples.form == b"strip") == strips  # levelled tiles are tiles
+        seeds = np.concatenate([samples.wheel_seed[alike], samples.axle_seed[alike]]) // per
         kinds.append(("strip" if strips else "surface", "--first-surface", (low // per, high // per), seeds))
     if provenance.faces == "envelope":
-        kinds.append(("packing", "--first-packing", provenance.packing_seeds, [samples.packing_seed]))
-    for what, option, (low, high), seeds in kinds:
-        every = np.concatenate(seeds)
+        kinds.append(("packing", "--first-packing", provenance.packing_seeds, samples.packing_seed))
+    for what, option, (low, high), every in kinds:
         known = every[(every >= low) & (every <= high)]
         if known.size:
             raise EvaluationError(
@@ -117,17 +122,21 @@ def require_unseen(samples: Samples, provenance: Provenance, form: str = "tiles"
             )
 
 
-def require_same_plates(database: Path, plates: Plates, provenance: Provenance) -> None:
+def require_same_plates(
+    database: Path, plates: Plates, provenance: Provenance, pressures: tuple[float, float] | None = None
+) -> None:
     """Refuse friction tests of other plates than a network has learned from.
+
+    Args:
+        database: where they are from.
+        plates: what all have in common.
+        provenance: what the network learned from.
+        pressures: the smallest and the largest of the tests [MPa], if not that of the plates.
 
     Raises:
         EvaluationError: naming the keys.
     """
-    others = provenance.plates.unlike(plates)
+    asked = [msgspec.structs.replace(plates, pressure=pressure) for pressure in pressures or (plates.pressure,)]
+    others = list(dict.fromkeys(line for each in asked for line in provenance.unlike(each)))
     if others:
         raise EvaluationError(f"{database}: is of other plates than the network has learned from: {'; '.join(others)}")
-
-
-def select_samples(samples: Samples, rows: IntArray) -> Samples:
-    """Select some of the samples, in the order of `rows`."""
-    return Samples(**{name: column[rows] for name, column in vars(samples).items()})

@@ -9,8 +9,9 @@ import torch
 
 from macrofit.base.arrays import FloatArray
 
+from ..data.plates import Faces
 from ..network.checkpoint import Model, Provenance
-from ..network.dataset import Faces, Pairs, pair_tensors
+from ..network.dataset import Pairs, pair_tensors
 from ..network.foundation import Foundation
 from ..network.score import predict_pairs
 from .measured import MeasuredPairs
@@ -38,14 +39,14 @@ def predict_tests(model: Model, provenance: Provenance, data: MeasuredPairs, nam
         TrainingError: the samples lack the faces it needs.
     """
     tensors = _faces(data, provenance.faces, provenance.points)
-    answer = predict_pairs(model, tensors.wheel, tensors.axle, tensors.micro)
+    answer = predict_pairs(model, tensors)
     mean, spread = (data.spread_out(part.double().numpy()) for part in answer)
     return PredictedPairs(name or provenance.architecture, mean, spread)
 
 
 def _faces(data: MeasuredPairs, faces: Faces, points: int | None = None) -> Pairs:
     """Each pair of generated faces once; envelopes of all packings."""
-    tensors = pair_tensors(data.samples, faces, points)
+    tensors = pair_tensors(data.samples, faces, points, data.plates)
     return tensors if faces == "envelope" else tensors.take(np.arange(0, len(tensors), data.packings))
 
 
@@ -69,6 +70,8 @@ def foundation_alone(data: MeasuredPairs, faces: Faces, load: float) -> Predicte
     """Predict mu_micro + b with b of an elastic foundation: nothing is learned."""
     tensors = _faces(data, faces)
     with torch.inference_mode():
-        slope, _ = Foundation([BASELINE_STIFFNESS[faces]], load)(tensors.wheel, tensors.axle)
-    meso = tensors.micro.double().numpy() + slope.double().numpy()
+        slide = Foundation([BASELINE_STIFFNESS[faces]], load).slide(
+            tensors.wheel, tensors.axle, tensors.load, tensors.constant_force
+        )
+    meso = tensors.micro.double().numpy() + slide.b.double().numpy()
     return PredictedPairs("foundation alone", data.spread_out(meso))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from .parts import parts_lines
+
 
 def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
     """The report of `surrogate.evaluation.run`, for a reader."""
@@ -32,7 +34,7 @@ def evaluation_lines(result: Mapping[str, Any]) -> list[str]:
         beside = [row[name]["mean_relative_error"] for name in result["beside"]]
         values = [row["baseline_mean_relative_error"], *beside, row["mean_relative_error"], row["noise_floor"]]
         lines.append(f"  micro {micro:<8}" + "".join(f"{_cell(value):>18}" for value in values))
-    return lines
+    return lines + parts_lines(result["parts"])
 
 
 def _percent(result: Mapping[str, Any], against: str = "") -> str:

@@ -16,6 +16,7 @@ from ..network.checkpoint import load_checkpoint
 from . import plots
 from .errors import coefficient_r2, coverage, relative_errors, slope_r2
 from .measured import MeasuredPairs, arrange_tests, require_same_plates, require_unseen
+from .parts import parts_report
 from .predicted import PredictedPairs, constant_ratio, foundation_alone, mean_line, predict_tests
 
 
@@ -43,9 +44,10 @@ def evaluate_network(
     judged = [load_checkpoint(path) for path in (network, *compared)]
     plates = found.header.plates
     for _, origin in judged:
-        require_unseen(found.samples, origin, plates.form)
-        require_same_plates(database, plates, origin)
-    data = arrange_tests(found.whole_pairs)
+        require_unseen(found.samples, origin)
+        pressures = found.samples.pressure
+        require_same_plates(database, plates, origin, (float(pressures.min()), float(pressures.max())))
+    data = arrange_tests(found.whole_pairs, plates)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)
     others = [mean_line(data)] if plates.dynamic else []  # a foundation has no loss
@@ -102,6 +104,7 @@ def evaluation_report(
         "median_bend": float(np.median(data.bend)),
         **whole,
         "by_micro_friction": by_micro,
+        "parts": parts_report(data, predicted),
         "beside": {other.name: _measures(data, other) for other in others},
     }
 

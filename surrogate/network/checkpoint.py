@@ -10,26 +10,34 @@ import hashlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 import safetensors
-import safetensors.torch
-import torch
-from torch import Tensor
+import safetensors.numpy
 
 from macrofit.base.errors import OutputError, shortened
 from macrofit.base.files import check_regular, replacing
 
-from ..data.plates import Plates
+from ..data.plates import Faces, Plates
 from ..errors import CheckpointError
-from .dataset import Faces
-from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
+from .inference import TrainedEnsemble, ensemble_shapes
+
+if TYPE_CHECKING:
+    from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 
 Architecture = Literal["energy", "paper"]
-Model: TypeAlias = FoundationEnsemble | LallemanCNN | LallemanEnsemble
+Model: TypeAlias = "FoundationEnsemble | LallemanCNN | LallemanEnsemble"
+Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+Shapes: TypeAlias = dict[str, tuple[np.dtype[Any], tuple[int, ...]]]
 ENTRY = "macrofit-surrogate"
 SCHEMA = 1
+Control: TypeAlias = Literal["displacement", "force"]
+"""What is held while sliding."""
+PRESSURE_SLACK = 0.05
+"""How far a pressure may lie outside those learned from [-]; it is worth less than 0.1 % of a coefficient."""
 LARGEST_FILE = 200_000_000
 """Upper bound of a file that is read [bytes]."""
 
@@ -45,11 +53,14 @@ class EnsembleOptions(
     width: int = 24
     positions: int = 5
     constant: bool = False
+    wide: bool = False
 
     def build_network(self) -> FoundationEnsemble:
-        """Build the network, untrained."""
+        """Build the network, untrained; with torch."""
+        from .model import FoundationEnsemble
+
         return FoundationEnsemble(
-            self.stiffness, self.load, self.members, self.width, self.positions, constant=self.constant
+            self.stiffness, self.load, self.members, self.width, self.positions, self.constant, self.wide
         )
 
 
@@ -61,7 +72,9 @@ class CNNOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="p
     members: int = 1
 
     def build_network(self) -> LallemanCNN | LallemanEnsemble:
-        """Build the network, untrained."""
+        """Build the network, untrained; with torch."""
+        from .model import LallemanCNN, LallemanEnsemble
+
         if self.members == 1:
             return LallemanCNN(self.points, self.filters)
         return LallemanEnsemble(self.points, self.filters, self.members)
@@ -98,6 +111,18 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """Smallest and largest Hurst exponent [-]."""
     micro_friction: tuple[float, float]
     """Smallest and largest micro coefficient [-]."""
+    pressure: tuple[float, float] | None = None
+    """Smallest and largest pressure at the modulus of the plates [MPa]; None: theirs alone."""
+    controls: tuple[Control, ...] = ()
+    """What was held while sliding; none: that of the plates."""
+    forms: tuple[str, ...] = ()
+    """Forms of the faces; none: that of the plates."""
+    lays: tuple[str, ...] = ()
+    """Lays of the faces; none: that of the plates."""
+    seeds_of_form: dict[str, tuple[int, int]] = {}
+    """`surface_seeds` of each form; none: those of the plates' form."""
+    device: str = "cpu"
+    """Device of torch on which it was trained."""
     validation_error: dict[str, float]
     """Mean relative error [-] on the validation pairs by micro coefficient."""
     validation_r2: float
@@ -105,6 +130,32 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     versions: dict[str, str]
     """Versions of the packages that trained the network."""
     schema: int = SCHEMA
+
+    @property
+    def wide(self) -> bool:
+        """Whether pressure and modulus, as p/E, are inputs."""
+        return self.pressure is not None
+
+    def at_modulus(self, pressure: float, youngs_modulus: float) -> float:
+        """The pressure on plates of the network's modulus for which p/E is the same [MPa]."""
+        return pressure * self.plates.youngs_modulus / youngs_modulus
+
+    def unlike(self, asked: Plates) -> list[str]:
+        """In which keys plates are others than the network knows, in words; see `Plates.unlike`."""
+        known = self.plates
+        if self.pressure is None:
+            return known.unlike(asked)
+        findings, (low, high) = [], self.pressure
+        pressure = self.at_modulus(asked.pressure, asked.youngs_modulus)
+        if not low * (1.0 - PRESSURE_SLACK) <= pressure <= high * (1.0 + PRESSURE_SLACK):
+            at = (
+                f" at youngs_modulus = {asked.youngs_modulus:g}" if asked.youngs_modulus != known.youngs_modulus else ""
+            )
+            findings.append(f"load.pressure = {asked.pressure:g}{at} is outside {low:.3g} ... {high:.3g} MPa on steel")
+        if asked.control not in self.controls:
+            findings.append(f"load.control = '{asked.control}' is not '{' or '.join(self.controls)}'")
+        same = {"pressure": known.pressure, "youngs_modulus": known.youngs_modulus, "control": known.control}
+        return findings + known.unlike(msgspec.structs.replace(asked, **same))
 
     @property
     def architecture(self) -> Architecture:
@@ -119,11 +170,11 @@ class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sha256: str
 
 
-def checkpoint_digest(tensors: Mapping[str, Tensor], provenance: bytes) -> str:
+def checkpoint_digest(arrays: Mapping[str, npt.NDArray[Any]], provenance: bytes) -> str:
     """SHA-256 of the provenance and of names, types, shapes and values of all tensors."""
     whole = hashlib.sha256(provenance)
-    for name in sorted(tensors):
-        values = tensors[name].detach().cpu().contiguous().numpy()
+    for name in sorted(arrays):
+        values = arrays[name]
         whole.update(f"{name} {values.dtype.str} {values.shape}".encode())
         whole.update(values.tobytes())
     return whole.hexdigest()
@@ -135,21 +186,44 @@ def save_checkpoint(path: Path, model: Model, provenance: Provenance) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    tensors = {name: value.detach().cpu().contiguous().clone() for name, value in model.state_dict().items()}
+    arrays = {name: value.detach().cpu().contiguous().numpy() for name, value in model.state_dict().items()}
     about = msgspec.json.encode(provenance)
-    entry = msgspec.json.encode(_Entry(msgspec.Raw(about), checkpoint_digest(tensors, about))).decode()
+    entry = msgspec.json.encode(_Entry(msgspec.Raw(about), checkpoint_digest(arrays, about))).decode()
     with replacing(path) as draft:
-        draft.write_bytes(safetensors.torch.save(tensors, {ENTRY: entry}))
+        draft.write_bytes(safetensors.numpy.save(arrays, {ENTRY: entry}))
 
 
 def load_checkpoint(path: Path) -> tuple[Model, Provenance]:
-    """Read a network, ready to predict, and its provenance.
+    """Read a network in torch, and its provenance.
 
     Raises:
         CheckpointError: there is no such file, it is no checkpoint of this program or a damaged or changed one, or
             the tensors are not those of its architecture.
     """
-    tensors, text = _read(path)
+    arrays, provenance = _read_checked(path)
+    return _assemble(path, arrays, provenance), provenance
+
+
+def load_for_answers(path: Path) -> tuple[TrainedEnsemble | LallemanCNN | LallemanEnsemble, Provenance]:
+    """Read a network, ready to predict: an ensemble on foundations in numpy, without torch.
+
+    Raises:
+        CheckpointError: as `load_checkpoint`.
+    """
+    arrays, provenance = _read_checked(path)
+    if not isinstance(provenance.options, EnsembleOptions):
+        return _assemble(path, arrays, provenance), provenance  # type: ignore[return-value]
+    try:
+        shapes = ensemble_shapes(provenance.options)
+    except ValueError as error:
+        raise CheckpointError(f"{path}: cannot be built from its options: {error}") from error
+    _check_shapes(path, {name: (np.dtype(np.float32), shape) for name, shape in shapes.items()}, arrays, provenance)
+    return TrainedEnsemble(provenance.options, arrays), provenance
+
+
+def _read_checked(path: Path) -> tuple[Arrays, Provenance]:
+    """All tensors and the provenance of a file that is as it was written, with finite values and options that fit."""
+    arrays, text = _read(path)
     try:
         entry = msgspec.json.decode(text, type=_Entry)
         provenance = msgspec.json.decode(entry.provenance, type=Provenance)
@@ -157,33 +231,9 @@ def load_checkpoint(path: Path) -> tuple[Model, Provenance]:
         raise CheckpointError(f"{path}: its provenance cannot be read ({shortened(error)}); train it anew") from error
     if provenance.schema != SCHEMA:
         raise CheckpointError(f"{path}: has schema {provenance.schema}, this version reads {SCHEMA}; train it anew")
-    if checkpoint_digest(tensors, bytes(entry.provenance)) != entry.sha256:
+    if checkpoint_digest(arrays, bytes(entry.provenance)) != entry.sha256:
         raise CheckpointError(f"{path}: was changed or damaged after it was written: its digest differs; get it anew")
-    return _assemble(path, tensors, provenance), provenance
-
-
-def _read(path: Path) -> tuple[dict[str, Tensor], str]:
-    """All tensors, and the text of the entry."""
-    foreign = f"{path}: is no checkpoint of macrofit-surrogate (safetensors; nothing else is ever loaded)"
-    try:
-        if path.exists():
-            check_regular(path, LARGEST_FILE)
-        with safetensors.safe_open(path, framework="pt") as file:
-            text = (file.metadata() or {}).get(ENTRY)
-            if text is None:
-                raise CheckpointError(f"{foreign}: its metadata do not say what it is")
-            return {name: file.get_tensor(name) for name in file.keys()}, text  # noqa: SIM118  no mapping
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: there is no such file; macrofit-surrogate train makes one") from None
-    except OutputError as error:
-        raise CheckpointError(f"{foreign}: {error}") from None
-    except (OSError, safetensors.SafetensorError, ValueError, RuntimeError) as error:
-        raise CheckpointError(f"{foreign}, or a damaged one: {error}") from error
-
-
-def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) -> Model:
-    """The network of the provenance with the tensors in it."""
-    bad = [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]
+    bad = [name for name, value in arrays.items() if not np.isfinite(value).all()]
     if bad:
         raise CheckpointError(f"{path}: {bad[0]} has values that are not finite; train it anew")
     options, points = provenance.options, provenance.points
@@ -194,23 +244,55 @@ def _assemble(path: Path, tensors: dict[str, Tensor], provenance: Provenance) ->
         fits = options.points == points and options.members > 0
     if not fits:
         raise CheckpointError(f"{path}: its options do not fit faces of {points} points, or a load above 0")
+    return arrays, provenance
+
+
+def _read(path: Path) -> tuple[Arrays, str]:
+    """All tensors, and the text of the entry."""
+    foreign = f"{path}: is no checkpoint of macrofit-surrogate (safetensors; nothing else is ever loaded)"
+    try:
+        if path.exists():
+            check_regular(path, LARGEST_FILE)
+        with safetensors.safe_open(path, framework="np") as file:
+            text = (file.metadata() or {}).get(ENTRY)
+            if text is None:
+                raise CheckpointError(f"{foreign}: its metadata do not say what it is")
+            return {name: file.get_tensor(name) for name in file.keys()}, text  # noqa: SIM118  no mapping
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: there is no such file; macrofit-surrogate train makes one") from None
+    except OutputError as error:
+        raise CheckpointError(f"{foreign}: {error}") from None
+    # a type that numpy does not have is an AttributeError, a TypeError or a KeyError
+    except (
+        OSError, safetensors.SafetensorError, ValueError, RuntimeError, AttributeError, TypeError, KeyError
+    ) as error:  # fmt: skip
+        raise CheckpointError(f"{foreign}, or a damaged one: {error}") from error
+
+
+def _assemble(path: Path, arrays: Arrays, provenance: Provenance) -> Model:
+    """The network of the provenance in torch, with the tensors in it."""
+    import torch
+
     try:
         with torch.device("meta"):  # no memory before the shapes are known to fit
             model: Model = provenance.options.build_network()
-        expected = {name: (value.dtype, tuple(value.shape)) for name, value in model.state_dict().items()}
+        state = model.state_dict().items()
+        expected = {name: (np.dtype(str(value.dtype)[6:]), tuple(value.shape)) for name, value in state}
     except (RuntimeError, ValueError, TypeError, IndexError, ZeroDivisionError, OverflowError) as error:
         raise CheckpointError(f"{path}: cannot be built from its options: {error}") from error
-    for name in sorted(expected.keys() | tensors.keys()):
-        if (
-            name not in expected
-            or name not in tensors
-            or expected[name] != (tensors[name].dtype, tuple(tensors[name].shape))
-        ):
-            what = "is not in it" if name not in tensors else "does not belong to it or has another shape or type"
-            raise CheckpointError(f"{path}: is no network '{provenance.architecture}': {name} {what}")
-    model.load_state_dict(tensors, assign=True)
+    _check_shapes(path, expected, arrays, provenance)
+    model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in arrays.items()}, assign=True)
     model.requires_grad_(False)
     return model.eval()
+
+
+def _check_shapes(path: Path, expected: Shapes, arrays: Arrays, provenance: Provenance) -> None:
+    """Refuse tensors that are not those of the architecture."""
+    for name in sorted(expected.keys() | arrays.keys()):
+        there = name in arrays and name in expected
+        if not there or expected[name] != (arrays[name].dtype, arrays[name].shape):
+            what = "is not in it" if name not in arrays else "does not belong to it or has another shape or type"
+            raise CheckpointError(f"{path}: is no network '{provenance.architecture}': {name} {what}")
 
 
 def outside_training(provenance: Provenance, **inputs: float) -> list[str]:

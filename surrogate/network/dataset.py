@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Literal
 
 import numpy as np
 import torch
@@ -13,10 +13,12 @@ from torch import Tensor
 
 from macrofit.base.arrays import IntArray
 
-from ..data.database import Samples
+from ..data.plates import Faces, Plates
+from ..data.samples import Samples
 from ..errors import TrainingError
 
-Faces = Literal["generated", "envelope"]
+STEEL = Plates()
+"""The plates of the default design."""
 LOWEST_ENVELOPE = -0.06
 """Lower bound of an envelope [mm]: nodes at the border that no sphere covers lie far below, and carry nothing."""
 
@@ -35,6 +37,10 @@ class Pairs:
     """Meso coefficients (pairs, k)."""
     in_contact: Tensor
     """Whether contact was kept along the whole slide, (pairs,)."""
+    load: Tensor
+    """Normal force before the slide (pairs,) [N]; of plates of another modulus, what does the same to steel."""
+    constant_force: Tensor
+    """Whether the force was held while sliding, or else the height (pairs,)."""
 
     def __len__(self) -> int:
         return len(self.micro)
@@ -50,13 +56,16 @@ class Pairs:
         return a, self.meso[:, 0] - a * self.micro[:, 0]
 
 
-def pair_tensors(samples: Samples, faces: Faces = "generated", points: int | None = None) -> Pairs:
+def pair_tensors(
+    samples: Samples, faces: Faces = "generated", points: int | None = None, plates: Plates = STEEL
+) -> Pairs:
     """The samples as tensors, with the faces as generated or as the envelopes of their spheres.
 
     Args:
         samples: friction tests of a database or a table.
         faces: which of the two.
         points: points of a wheel's face along its edge; the same steps along the axle's. All by default.
+        plates: plates of the tests; their modulus and what they held while sliding is the same for all.
 
     Raises:
         TrainingError: there are no envelopes, or `points` are not those of every so manyth row.
@@ -77,7 +86,14 @@ def pair_tensors(samples: Samples, faces: Faces = "generated", points: int | Non
         micro=torch.from_numpy(np.asarray(samples.micro_friction, dtype=np.float32)),
         meso=torch.from_numpy(np.asarray(samples.meso_friction, dtype=np.float32)),
         in_contact=torch.from_numpy(np.all(samples.minimum_normal > 0.0, axis=1)),
+        load=torch.from_numpy(np.asarray(plates.on_steel(samples.pressure), dtype=np.float32)),
+        constant_force=torch.full((len(samples),), plates.control == "force"),
     )
+
+
+def joined(parts: Sequence[Pairs]) -> Pairs:
+    """All pairs of the parts, one part after the other."""
+    return Pairs(**{part.name: torch.cat([getattr(one, part.name) for one in parts]) for part in fields(Pairs)})
 
 
 def seed_families(samples: Samples) -> IntArray:

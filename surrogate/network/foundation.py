@@ -1,26 +1,22 @@
 """An elastic foundation between two rough faces: the physics that the network starts from, in torch.
 
 Winkler: where the faces would overlap by o, they press with p = K o. The wheel's face is lowered until it carries the
-load of the friction test, and then slid at that height. The energy U = K/2 int o^2 dA and the load N = K int o dA at
-several positions give the slope of the law mu_meso = a mu_micro + b without anything learned:
+load of the friction test, and then slid at that height z, or at that load. The energy U = K/2 int o^2 dA and the load
+N = K int o dA at several positions give the slope of the law mu_meso = a mu_micro + b without anything learned:
 
-    b = (U(end) - U(start)) / (mean N x slide)
+    b = (U(end) - U(start) + N (z(end) - z(start))) / (mean N x slide)
 
-because what friction does not lose stays behind as stored energy.
+because what friction does not lose stays behind as stored energy, or has lifted the load.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-NEWTON_STEPS = 30
-"""Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
-NEWTON_TOLERANCE = 1e-5
-"""Step below which the iteration ends, as a share of the mean overlap [-]."""
+from .inference import NEWTON_STEPS, NEWTON_TOLERANCE, check_foundations
 
 
 class SlideResponse(NamedTuple):
@@ -51,8 +47,7 @@ class Foundation(nn.Module):
 
     def __init__(self, stiffness: list[float], load: float, positions: int = 5, edge: float = 1.0) -> None:
         super().__init__()
-        if positions < 2 or not stiffness or any(right <= left for left, right in pairwise((0.0, *stiffness))):
-            raise ValueError("a foundation needs two positions and stiffnesses that rise from above 0")
+        check_foundations(stiffness, positions)
         self.stiffness, self.load, self.positions, self.edge = tuple(stiffness), load, positions, edge
 
     def forward(self, wheel: Tensor, axle: Tensor) -> tuple[Tensor, Tensor]:
@@ -60,36 +55,56 @@ class Foundation(nn.Module):
         slide = self.slide(wheel, axle)
         return slide.b, slide.load
 
-    def slide(self, wheel: Tensor, axle: Tensor) -> SlideResponse:
-        """Slide every wheel over its axle at the height that carries the load at the start.
+    def slide(
+        self, wheel: Tensor, axle: Tensor, load: Tensor | None = None, constant_force: Tensor | None = None
+    ) -> SlideResponse:
+        """Slide every wheel over its axle, at the height that carries the load at the start or at that load.
 
         A row of the answer has the same bits whatever the other rows are, for a given number of rows.
 
         Args:
             wheel: heights outward from its plate (pairs, n + 1, n + 1) [mm].
             axle: heights (pairs, 2 n + 1, n + 1) [mm]; the wheel begins at its first row.
+            load: normal force at the start of each pair (pairs,) [N]; left out, `self.load`.
+            constant_force: whether each pair keeps its load, (pairs,); left out, none does.
         """
         rows = wheel.shape[1] - 1
         stride, row = rows // (self.positions - 1), wheel.shape[2]
         face, track = wheel.flatten(1), axle.flatten(1)
         nodes = face.shape[1]  # G
         sums = [face + track[:, at : at + nodes] for at in range(0, rows * row + 1, stride * row)]  # S of (P, G)
-        area = self.edge**2
+        loads = face.new_full((len(face),), self.load) if load is None else load  # (P,)
+        free = constant_force is not None and bool(constant_force.any())
+        solved = sums if free else sums[:1]
         # flat faces would be pressed to their mean less the overlap: others not so deep
-        height = sums[0].sum(1, keepdim=True) / nodes - self.load / (self.stiffness[0] * area)  # (P, 1)
+        deepest = (loads / (self.stiffness[0] * self.edge**2))[:, None]
+        heights = [at.sum(1, keepdim=True) / nodes - deepest for at in solved]  # (P, 1) each
         found: list[tuple[Tensor, ...]] = []
         for stiffness in self.stiffness:
-            height = contact_height(sums[0], self.load / (stiffness * area), height)
-            loads, energies = [], []
-            for at in sums:
-                overlap = (at - height).relu_()  # (P, G)
-                loads.append(overlap.sum(1) * (stiffness * area / nodes))
-                energies.append(torch.linalg.vector_norm(overlap, dim=1).square() * (0.5 * stiffness * area / nodes))
-            load, energy = trapezoid_mean(loads), trapezoid_mean(energies)  # (P,)
-            b = (energies[-1] - energies[0]) / (load.clamp_min(0.05 * self.load) * self.edge)
-            least = torch.stack(loads, dim=1).amin(1)
-            found.append((b, load / self.load, least / self.load, energy / load.clamp_min(0.05 * self.load)))
+            overlap = (loads / (stiffness * self.edge**2))[:, None]
+            heights = [contact_height(at, overlap, z) for at, z in zip(solved, heights, strict=True)]
+            places = heights * (1 if free else len(sums))
+            if free and constant_force is not None:
+                places = [torch.where(constant_force[:, None], z, heights[0]) for z in heights]
+            found.append(self._response(sums, places, stiffness, loads))
         return SlideResponse(*(torch.stack(column, dim=1) for column in zip(*found, strict=True)))
+
+    def _response(
+        self, sums: list[Tensor], heights: list[Tensor], stiffness: float, start: Tensor
+    ) -> tuple[Tensor, ...]:
+        """b, mean load, least load and depth of a foundation whose face lies at these heights."""
+        area, nodes = self.edge**2, sums[0].shape[1]
+        loads, energies = [], []
+        for at, height in zip(sums, heights, strict=True):
+            overlap = (at - height).relu_()  # (P, G)
+            loads.append(overlap.sum(1) * (stiffness * area / nodes))
+            energies.append(torch.linalg.vector_norm(overlap, dim=1).square() * (0.5 * stiffness * area / nodes))
+        load, energy = trapezoid_mean(loads), trapezoid_mean(energies)  # (P,)
+        lifted = start * (heights[-1] - heights[0])[:, 0]
+        held = torch.maximum(load, 0.05 * start)
+        b = (energies[-1] - energies[0] + lifted) / (held * self.edge)
+        least = torch.stack(loads, dim=1).amin(1)
+        return b, load / start, least / start, energy / held
 
 
 def trapezoid_mean(values: list[Tensor]) -> Tensor:
@@ -98,7 +113,7 @@ def trapezoid_mean(values: list[Tensor]) -> Tensor:
     return inner / (len(values) - 1)
 
 
-def contact_height(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
+def contact_height(sums: Tensor, overlap: Tensor, start: Tensor) -> Tensor:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
     Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap, so that its bits do not
@@ -107,7 +122,7 @@ def contact_height(sums: Tensor, overlap: float, start: Tensor) -> Tensor:
 
     Args:
         sums: sums of the heights of both faces (pairs, G) [mm].
-        overlap: mean overlap over all nodes [mm].
+        overlap: mean overlap over all nodes (pairs, 1) [mm].
         start: a height not above z, (pairs, 1) [mm].
 
     Returns:

@@ -15,17 +15,17 @@ import torch
 from torch import Tensor, nn
 
 from .foundation import Foundation
+from .inference import (
+    BEYOND,
+    CONSTANT_UNIT,
+    FLOOR_UNIT,
+    LAWS_PER_CHUNK,
+    LEAST_SPREAD,
+    PAIRS_PER_CHUNK,
+)
 
 Body: TypeAlias = Literal["axle", "wheel"]
 """Name of a body."""
-PAIRS_PER_CHUNK = 64
-"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
-LAWS_PER_CHUNK = 512
-"""Pairs whose affine laws are computed together."""
-LEAST_SPREAD = 1e-5
-"""Lower bound of a standard deviation [-]."""
-CONSTANT_UNIT = 0.01
-"""What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
 
 
 class FoundationEnsemble(nn.Module):
@@ -38,7 +38,9 @@ class FoundationEnsemble(nn.Module):
     besides, one output of the perceptron more.
 
     The features are the roughness and the slope of the upper halves of both faces, and for each foundation the mean
-    and the smallest load and the mean depth along the slide.
+    and the smallest load and the mean depth along the slide. One that is `wide` knows pairs of many loads, at constant
+    height or force: both are features too, and its spread is sqrt(s_b^2 + (s_a mu_micro)^2), where s_b grows with the
+    roughness from a floor: packings differ however smooth the faces are.
 
     The answer for a pair has the same bits whatever other pairs are asked for. The nodes of a face are summed one face
     at a time, those of a pair in chunks of one size; what follows has only operations that are exactly rounded on each
@@ -51,6 +53,7 @@ class FoundationEnsemble(nn.Module):
         width: hidden units of each perceptron.
         positions: places of the slide at which the foundations are evaluated.
         constant: b has a constant besides.
+        wide: the load and what is held while sliding are features, and the spread has a floor.
     """
 
     def __init__(
@@ -61,27 +64,33 @@ class FoundationEnsemble(nn.Module):
         width: int = 24,
         positions: int = 5,
         constant: bool = False,
+        wide: bool = False,
     ) -> None:
         super().__init__()
-        self.foundation, self.constant = Foundation(stiffness, load, positions), constant
-        features = 2 + 3 * len(stiffness)
-        outputs = len(stiffness) + constant + 2  # weights of b, its constant, then a, then the spread
+        self.foundation, self.constant, self.wide = Foundation(stiffness, load, positions), constant, wide
+        features = 2 + 3 * len(stiffness) + 2 * wide
+        outputs = len(stiffness) + constant + 2 + 2 * wide  # weights of b, its constant, a, the spread and its floors
         self.register_buffer("centre", torch.zeros(features))
         self.register_buffer("scale", torch.ones(features))
         self.register_buffer("widening", torch.ones(()))  # of the spread, from data not trained on
         self.register_buffer("lost", torch.zeros(()))  # smallest load of the stiffest foundation that holds contact
+        if wide:
+            self.register_buffer("lowest", torch.zeros(features))  # of the pairs learned from
+            self.register_buffer("highest", torch.zeros(features))
         self.first = nn.Parameter(torch.empty(members, features, width))
         self.first_bias = nn.Parameter(torch.zeros(members, width))
         self.last = nn.Parameter(torch.zeros(members, width, outputs))
         self.last_bias = nn.Parameter(torch.empty(members, outputs))
         if not self.first.is_meta:  # there arithmetic costs a second of imports, and nothing is kept
             nn.init.normal_(self.first, std=features**-0.5)
-            start = [0.9 / len(stiffness)] * len(stiffness) + [0.0] * constant + [1.03, -0.9]
+            start = [0.9 / len(stiffness)] * len(stiffness) + [0.0] * constant + [1.03, -0.9] + [0.0, 0.0] * wide
             self.last_bias.data.copy_(torch.tensor(start))
         self.centre: Tensor
         self.scale: Tensor
         self.widening: Tensor
         self.lost: Tensor
+        self.lowest: Tensor
+        self.highest: Tensor
 
     def prepare(
         self,
@@ -90,6 +99,8 @@ class FoundationEnsemble(nn.Module):
         wheel: Tensor,
         axle: Tensor,
         roughness: tuple[Tensor, Tensor] | None = None,
+        load: Tensor | None = None,
+        constant_force: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Slopes of the foundations (pairs, K) and even features (pairs, F): all that is needed of the faces.
 
@@ -99,21 +110,32 @@ class FoundationEnsemble(nn.Module):
             wheel: which of the wheels is in each pair, (pairs,).
             axle: which of the axles is in each pair, (pairs,).
             roughness: `upper_roughness` of each of the wheels and of the axles, where it is known.
+            load: normal force of each pair before the slide, on steel of `YOUNGS_MODULUS` (pairs,) [N]; left out, that
+                of the network.
+            constant_force: whether each pair slides at that force, not at its height (pairs,); left out, none does.
         """
+        count = len(wheel)
+        load = wheels.new_full((count,), self.foundation.load) if load is None else load
+        constant_force = torch.zeros_like(wheel, dtype=torch.bool) if constant_force is None else constant_force
         if roughness is None:
             roughness = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
         slopes, features = [], []
-        for w, x in zip(row_chunks(wheel, PAIRS_PER_CHUNK), row_chunks(axle, PAIRS_PER_CHUNK), strict=True):
-            count = len(w)
-            w, x = (torch.cat([which, which.new_zeros(PAIRS_PER_CHUNK - count)]) for which in (w, x))
-            slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x))
+        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK) if count else ():
+            padded = torch.cat([rows, rows[:1].expand(PAIRS_PER_CHUNK - len(rows))])
+            w, x, n, free = (part.index_select(0, padded) for part in (wheel, axle, load, constant_force))
+            slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x), n, free)
             both = (roughness[0].index_select(0, w).square() + roughness[1].index_select(0, x).square()).sqrt()
-            slopes.append(slide.b[:count])
-            features.append(torch.cat([both, slide.load, slide.depth, slide.least], dim=1)[:count])
+            parts = [both, slide.load, slide.depth, slide.least]
+            if self.wide:
+                parts.insert(1, torch.stack([(n / self.foundation.load).log(), free.to(n.dtype)], dim=1))
+            slopes.append(slide.b[: len(rows)])
+            features.append(torch.cat(parts, dim=1)[: len(rows)])
+        if not count:
+            return wheels.new_empty(0, len(self.foundation.stiffness)), wheels.new_empty(0, len(self.centre))
         return torch.cat(slopes), torch.cat(features)
 
-    def member_laws(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """a, b and the spread of b of every member, (members, pairs) each."""
+    def member_laws(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, ...]:
+        """a, b, the spread of b and where it is `wide` that of a, of every member, (members, pairs) each."""
         x = ((features - self.centre) / self.scale).T.contiguous()  # (F, P)
         hidden = self.first_bias[:, :, None]
         for row, value in zip(self.first.unbind(1), x, strict=True):
@@ -122,11 +144,15 @@ class FoundationEnsemble(nn.Module):
         out = self.last_bias[:, :, None]
         for row, unit in zip(self.last.unbind(1), hidden.unbind(1), strict=True):
             out = out + row[:, :, None] * unit[:, None]  # (M, K + 2, P)
-        *weights, a, wide = out.unbind(1)
         terms = self.slope_terms(slopes).T
+        count = len(terms)
+        weights, (a, wide, *floors) = out.unbind(1)[:count], out.unbind(1)[count:]
         b = sum_in_order([weight * term for weight, term in zip(weights, terms, strict=True)])
         # the spread grows with the roughness of both faces: it is learned per micrometre of it, in thousandths
-        return a, b, 0.5 * (wide + (wide.square() + 1.0).sqrt()) * features[:, 0] + LEAST_SPREAD
+        spread = positive(wide) * features[:, 0] + LEAST_SPREAD
+        if not floors:
+            return a, b, spread
+        return a, b, spread + FLOOR_UNIT * positive(floors[0]), FLOOR_UNIT * positive(floors[1])
 
     def slope_terms(self, slopes: Tensor) -> Tensor:
         """What the weights of b multiply: slopes of the foundations, and the unit of the constant if there is one."""
@@ -136,13 +162,21 @@ class FoundationEnsemble(nn.Module):
 
     def member_predictions(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Means and standard deviations of every member, (members, pairs, k) each."""
-        a, b, spread = self.member_laws(slopes, features)
-        return a[..., None] * micro + b[..., None], spread[..., None].expand(-1, -1, micro.shape[1])
+        a, b, *spreads = self.member_laws(slopes, features)
+        return a[..., None] * micro + b[..., None], spread_at(spreads, micro)
 
-    def forward(self, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and standard deviation of the meso coefficient, (pairs, k) each."""
+    def forward(
+        self,
+        wheel: Tensor,
+        axle: Tensor,
+        micro: Tensor,
+        load: Tensor | None = None,
+        constant_force: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation of the meso coefficient, (pairs, k) each; see `prepare`."""
         each = torch.arange(len(wheel), device=wheel.device)
-        return self.predict_prepared(*self.prepare(wheel, axle, each, each), micro)
+        prepared = self.prepare(wheel, axle, each, each, load=load, constant_force=constant_force)
+        return self.predict_prepared(*prepared, micro)
 
     def predict_prepared(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean over the ensemble, and spread of the packings and of the members together, from what `prepare` gives.
@@ -152,7 +186,7 @@ class FoundationEnsemble(nn.Module):
         return self.evaluate_laws(self.affine_laws(slopes, features), micro)
 
     def affine_laws(self, slopes: Tensor, features: Tensor) -> Tensor:
-        """Affine laws of every member with a row for each pair: a, b and the spread of b, (pairs, 3, members)."""
+        """Affine laws of every member with a row for each pair: what `member_laws` gives, (pairs, 3 or 4, members)."""
         parts = zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (slopes, features)), strict=True)
         return torch.cat([torch.stack(self.member_laws(s, f)).permute(2, 0, 1) for s, f in parts])
 
@@ -160,17 +194,41 @@ class FoundationEnsemble(nn.Module):
         """Mean and spread at micro coefficients, from `affine_laws`; as `predict_prepared`."""
         means, spreads = [], []
         for rows, m in zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (laws, micro)), strict=True):
-            a, b, spread = rows.permute(1, 2, 0).contiguous()  # (M, P) each
+            a, b, *apart = rows.permute(1, 2, 0).contiguous()  # (M, P) each
             a_mean, b_mean = mean_in_order(a), mean_in_order(b)  # (P,)
             offset = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
             means.append(a_mean[:, None] * m + b_mean[:, None])
-            variance = mean_in_order(spread.square())[:, None] + mean_in_order(offset.square())
+            variance = mean_in_order(spread_at(apart, m).square()) + mean_in_order(offset.square())
             spreads.append(self.widening * variance.sqrt())
         return torch.cat(means), torch.cat(spreads)
 
     def keeps_contact(self, features: Tensor) -> Tensor:
-        """Whether the plates keep in contact all along the slide, (pairs,)."""
+        """Whether the plates keep in contact all along the slide, (pairs,); at constant force the least load is 1."""
         return features[:, -1] > self.lost
+
+    def flags(self, features: Tensor) -> Tensor:
+        """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
+        return torch.stack([self.keeps_contact(features), self.has_seen(features)], dim=1)
+
+    def has_seen(self, features: Tensor) -> Tensor:
+        """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""
+        if not self.wide:
+            return torch.ones(len(features), dtype=torch.bool)
+        slack = BEYOND * (self.highest - self.lowest)
+        return ((features >= self.lowest - slack) & (features <= self.highest + slack)).all(1)
+
+
+def positive(values: Tensor) -> Tensor:
+    """A positive number from any, exactly rounded on each by itself: half of x + sqrt(x^2 + 1)."""
+    return 0.5 * (values + (values.square() + 1.0).sqrt())
+
+
+def spread_at(spreads: Sequence[Tensor], micro: Tensor) -> Tensor:
+    """Standard deviation at micro coefficients (pairs, k), (members, pairs, k), from that of b and that of a if any."""
+    of_b, *of_a = spreads
+    if not of_a:
+        return of_b[..., None].expand(-1, -1, micro.shape[1])
+    return (of_b[..., None].square() + (of_a[0][..., None] * micro).square()).sqrt()
 
 
 def upper_roughness(face: Tensor) -> Tensor:

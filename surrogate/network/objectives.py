@@ -25,6 +25,8 @@ WEIGHT_DECAY = 3e-3
 """Weight decay of the perceptrons of the ensemble, towards the baseline."""
 RIDGE = 1e-3
 """Ridge of the regression, as a share of the mean diagonal of the normal equations [-]."""
+SMOOTH = 1e-3
+"""Roughness [mm] below which packings, and not faces, make pairs differ: `wide` ensembles weight them no further."""
 CAUGHT_SHARE = 0.9
 """Share of the pairs that lose contact which the flag is to catch [-]."""
 CNN_BATCH = 32
@@ -38,13 +40,20 @@ def ensemble_descent(model: FoundationEnsemble, fit: Pairs, validation: Pairs) -
     model.centre.copy_(features.mean(0))
     model.scale.copy_(features.std(0).clamp_min(1e-3))
     model.lost.copy_(contact_threshold(features[:, -1], fit.in_contact))
+    floor = 0.0
+    if model.wide:
+        model.lowest.copy_(torch.minimum(features.amin(0), checked[1].amin(0)))
+        model.highest.copy_(torch.maximum(features.amax(0), checked[1].amax(0)))
+        floor = SMOOTH
     weight = torch.empty(len(model.first), len(fit)).exponential_().to(slopes.device)  # (M, P)
     weight /= weight.mean(1, keepdim=True)
     if len(weight) == 1:
         weight.fill_(1.0)
     terms = model.slope_terms(slopes)
     with torch.no_grad():
-        model.last_bias[:, : terms.shape[1]] = ridge_weights(terms, fit.line()[1], weight / features[:, 0].square())
+        model.last_bias[:, : terms.shape[1]] = ridge_weights(
+            terms, fit.line()[1], weight / (features[:, 0] + floor).square()
+        )
     optimiser = torch.optim.AdamW(
         [
             {
@@ -92,7 +101,7 @@ def cnn_descent(model: LallemanCNN, fit: Pairs, validation: Pairs) -> Descent:
             yield float(loss.detach())
 
     def validate() -> float:
-        mean, _ = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+        mean, _ = predict_pairs(model, validation)
         return float(((mean - validation.meso) / model.range[2]).square().mean())
 
     return Descent(optimiser, steps, validate)
@@ -102,7 +111,7 @@ def foundation_inputs(model: FoundationEnsemble, data: Pairs) -> tuple[Tensor, T
     """Slopes and features of all pairs, which training does not change."""
     each = torch.arange(len(data), device=data.wheel.device)
     with torch.no_grad():
-        return model.prepare(data.wheel, data.axle, each, each)
+        return model.prepare(data.wheel, data.axle, each, each, load=data.load, constant_force=data.constant_force)
 
 
 def ridge_weights(slopes: Tensor, b: Tensor, weight: Tensor) -> Tensor:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch import Tensor
 
-from macrofit.base.arrays import BoolArray, FloatArray, IntArray
+from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
 from ..errors import PredictionError
-from .checkpoint import Model, Provenance, load_checkpoint
-from .model import Body, FoundationEnsemble
+from .checkpoint import Control, Provenance, load_for_answers
+from .inference import Single, TrainedEnsemble
 from .shipped import NETWORK
+
+if TYPE_CHECKING:
+    from .model import Body, LallemanCNN, LallemanEnsemble
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,13 @@ class Prediction:
     pairs of the training set. By tenfold cross-validation it catches eight of ten, and three of five pairs that it
     names do lose contact. The paper's network cannot tell: True.
     """
+    seen: BoolArray
+    """Whether the pair is like those learned from, by what the network sees of the faces and their load; a network of
+    one load cannot tell: True."""
 
 
 class Predictor:
-    """A trained network, ready to be asked.
+    """A trained network, ready to be asked: an ensemble on foundations in numpy, the paper's network in torch.
 
     Args:
         path: a checkpoint; the shipped network where it is left out.
@@ -46,11 +50,11 @@ class Predictor:
         CheckpointError: it cannot be read, or is not what it says.
     """
 
-    model: Model
+    model: TrainedEnsemble | LallemanCNN | LallemanEnsemble
     provenance: Provenance
 
     def __init__(self, path: Path | None = None) -> None:
-        self.model, self.provenance = load_checkpoint(NETWORK if path is None else path)
+        self.model, self.provenance = load_for_answers(NETWORK if path is None else path)
 
     def __call__(
         self,
@@ -59,6 +63,8 @@ class Predictor:
         wheel: IntArray,
         axle: IntArray,
         micro: float | FloatArray,
+        pressure: float | FloatArray | None = None,
+        control: Control | None = None,
     ) -> Prediction:
         """The coefficients of pairs: pair i is of wheels[wheel[i]] and axles[axle[i]].
 
@@ -70,6 +76,9 @@ class Predictor:
             wheel: number of the wheel of each pair (pairs,).
             axle: number of the axle of each pair (pairs,).
             micro: micro coefficients [-], (pairs,) or one for all.
+            pressure: before the slide, at the modulus of the network's plates [MPa], (pairs,) or one for all; left
+                out, that of these plates.
+            control: what is held while sliding; left out, what these plates hold.
 
         Raises:
             PredictionError: surfaces of another grid than the network's, values that are not finite, pairs of
@@ -81,47 +90,72 @@ class Predictor:
         for name, which, count in (("wheel", wheel, len(wheels)), ("axle", axle, len(axles))):
             if which.shape != wheel.shape or (which.size and not 0 <= which.min() <= which.max() < count):
                 raise PredictionError(f"pairs name {name}s that are not there, or more of them than of the other")
-        wheel_faces, axle_faces = (
-            torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)) for heights in (wheels, axles)
-        )
-        first, second = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
-        with torch.inference_mode():
-            if isinstance(self.model, FoundationEnsemble):
-                slopes, features = self.model.prepare(wheel_faces, axle_faces, first, second)
-                return self.answer(self.model.affine_laws(slopes, features), self.model.keeps_contact(features), micro)
-            return self.join(self._parts("wheel", wheel_faces, first), self._parts("axle", axle_faces, second), micro)
+        wheel_faces, axle_faces = (np.ascontiguousarray(heights, dtype=np.float32) for heights in (wheels, axles))
+        first, second = (np.ascontiguousarray(of, dtype=np.int64) for of in (wheel, axle))
+        if isinstance(self.model, TrainedEnsemble):
+            load, free = self.conditions(len(first), pressure, control)
+            slopes, features = self.model.prepare(
+                wheel_faces, axle_faces, first, second, load=load, constant_force=free
+            )
+            return self.answer(self.model.affine_laws(slopes, features), self.model.flags(features), micro)
+        return self.join(self._parts("wheel", wheel_faces, first), self._parts("axle", axle_faces, second), micro)
 
-    def answer(self, laws: Tensor, in_contact: Tensor, micro: float | FloatArray) -> Prediction:
+    def conditions(
+        self, pairs: int, pressure: float | FloatArray | None, control: Control | None
+    ) -> tuple[Single, BoolArray]:
+        """Load of each pair [N] and whether it is held while sliding, (pairs,) each.
+
+        Raises:
+            PredictionError: a network of one load is asked about another, or a load that is not finite.
+        """
+        plates = self.provenance.plates
+        held = plates.control if control is None else control
+        loads = np.broadcast_to(np.asarray(plates.pressure if pressure is None else pressure), pairs) * plates.edge**2
+        other = not self.provenance.wide and (held != plates.control or not np.all(loads == plates.load))
+        if other or not (np.isfinite(loads).all() and np.all(loads > 0.0)):
+            raise PredictionError(
+                "the network knows one load and one way to slide" if other else "a pressure is not a number above 0"
+            )
+        return np.asarray(loads, dtype=np.float32), np.full(pairs, held == "force")
+
+    def answer(self, laws: Single, flags: BoolArray, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
 
         Args:
             laws: affine laws of an ensemble, from its `affine_laws` (pairs, 3, members).
-            in_contact: from its `keeps_contact` (pairs,).
+            flags: from its `flags` (pairs, 2).
             micro: micro coefficients [-], (pairs,) or one for all.
 
         Raises:
             PredictionError: a micro coefficient that is not finite.
         """
-        assert isinstance(self.model, FoundationEnsemble)
-        micros = self._micros(micro, len(laws))
-        with torch.inference_mode():
-            return _prediction(*self.model.evaluate_laws(laws, micros), in_contact)
+        assert isinstance(self.model, TrainedEnsemble)
+        in_contact, seen = flags.T
+        return Prediction(*self.model.evaluate_laws(laws, self._micros(micro, len(laws))), in_contact, seen)
 
     @staticmethod
-    def _micros(micro: float | FloatArray, pairs: int) -> Tensor:
-        """Micro coefficients (pairs, 1), in double precision: the answer is affine in them."""
+    def nothing() -> Prediction:
+        """The answer to no pairs."""
+        none, flags = np.empty(0), np.empty(0, dtype=np.bool_)
+        return Prediction(none, none, flags, flags)
+
+    @staticmethod
+    def _micros(micro: float | FloatArray, pairs: int) -> FloatArray:
+        """Micro coefficients (pairs,), in double precision: the answer is affine in them."""
         given = np.asarray(micro, dtype=np.float64)
         if not np.isfinite(given).all():
             raise PredictionError("a micro coefficient is not finite")
-        return torch.from_numpy(np.broadcast_to(given, pairs).copy())[:, None]
+        return np.broadcast_to(given, pairs).copy()
 
-    def face_part(self, body: Body, face: Tensor) -> Tensor:
+    def face_part(self, body: Body, face: HeightArray) -> Single:
         """What the paper's network makes of a face [mm] by itself: all that is needed of it in any pair."""
-        assert not isinstance(self.model, FoundationEnsemble)
-        with torch.inference_mode():
-            return self.model.face_part(body, face)
+        import torch
 
-    def join(self, wheel: Tensor, axle: Tensor, micro: float | FloatArray) -> Prediction:
+        assert not isinstance(self.model, TrainedEnsemble)
+        with torch.inference_mode():
+            return np.asarray(self.model.face_part(body, torch.from_numpy(face)).numpy())
+
+    def join(self, wheel: Single, axle: Single, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose parts are known; the same bits as from their faces.
 
         Args:
@@ -132,18 +166,21 @@ class Predictor:
         Raises:
             PredictionError: a micro coefficient that is not finite.
         """
-        assert not isinstance(self.model, FoundationEnsemble)
-        micros = self._micros(micro, len(wheel)).float()
-        with torch.inference_mode():
-            mean, spread = self.model.join_parts(wheel, axle, micros)
-        return _prediction(mean, spread, torch.ones(len(wheel), dtype=torch.bool))
+        import torch
 
-    def _parts(self, body: Body, faces: Tensor, which: Tensor) -> Tensor:
+        assert not isinstance(self.model, TrainedEnsemble)
+        micros = torch.from_numpy(self._micros(micro, len(wheel))[:, None]).float()
+        with torch.inference_mode():
+            mean, spread = self.model.join_parts(torch.from_numpy(wheel), torch.from_numpy(axle), micros)
+        known = np.ones(len(wheel), dtype=np.bool_)
+        return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), known, known)
+
+    def _parts(self, body: Body, faces: HeightArray, which: IntArray) -> Single:
         """The parts of the face of each pair, each face once."""
-        distinct, row = np.unique(which.numpy(), return_inverse=True)
-        none = [torch.zeros(faces.shape[1:])]  # for the shape
-        parts = torch.stack([self.face_part(body, face) for face in [faces[k] for k in distinct.tolist()] or none])
-        return parts[torch.from_numpy(row)]
+        distinct, row = np.unique(which, return_inverse=True)
+        none = [np.zeros(faces.shape[1:], dtype=np.float32)]  # for the shape
+        parts = np.stack([self.face_part(body, face) for face in [faces[k] for k in distinct.tolist()] or none])
+        return np.asarray(parts[row])
 
     @staticmethod
     def _check(name: str, heights: npt.NDArray[np.floating[Any]], shape: tuple[int, int]) -> None:
@@ -156,8 +193,3 @@ class Predictor:
         if not np.isfinite(heights).all():
             which = int(np.argwhere(~np.isfinite(heights).all(axis=(1, 2)))[0, 0])
             raise PredictionError(f"surface {which} of the {name} has heights that are not finite")
-
-
-def _prediction(mean: Tensor, spread: Tensor, in_contact: Tensor) -> Prediction:
-    """A record from columns (pairs, 1)."""
-    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), in_contact.numpy())

@@ -10,13 +10,12 @@ from torch import Tensor
 
 from .checkpoint import Model
 from .dataset import Pairs
-from .model import LallemanEnsemble
+from .inference import QUANTILE_90 as QUANTILE_90
+from .model import FoundationEnsemble, LallemanEnsemble
 
-QUANTILE_90 = 1.645
-"""Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
 REPORTED = (0.03, 0.05, 0.07, 0.09)
 """Micro coefficients of the report [-]."""
-BINS = (0.01, 0.03, 0.05, 0.07, 0.09)
+BINS = (0.01, 0.03, 0.05, 0.07, 0.09, 0.15, 0.3)
 """Edges of the bins of micro coefficients of the report [-]."""
 PAIRS_AT_ONCE = 64
 """Pairs that are predicted together; bounds the memory."""
@@ -39,19 +38,22 @@ class Scores:
     """Share inside the stated 90 % interval [-]."""
 
 
-def predict_pairs(model: Model, wheel: Tensor, axle: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
+def predict_pairs(model: Model, data: Pairs) -> tuple[Tensor, Tensor]:
     """Mean and standard deviation (pairs, k) each, some pairs at a time."""
+    inputs = [data.wheel, data.axle, data.micro]
+    if isinstance(model, FoundationEnsemble):
+        inputs += [data.load, data.constant_force]
     with torch.inference_mode():
         parts = [
-            model(*(part[start : start + PAIRS_AT_ONCE] for part in (wheel, axle, micro)))
-            for start in range(0, len(micro), PAIRS_AT_ONCE)
+            model(*(part[start : start + PAIRS_AT_ONCE] for part in inputs))
+            for start in range(0, len(data), PAIRS_AT_ONCE)
         ]
     return torch.cat([mean for mean, _ in parts]), torch.cat([spread for _, spread in parts])
 
 
 def score_network(model: Model, data: Pairs) -> Scores:
     """Errors, R2 of b, and coverage on pairs with known answers."""
-    mean, spread = predict_pairs(model, data.wheel, data.axle, data.micro)
+    mean, spread = predict_pairs(model, data)
     a, b = data.line()
     span = data.micro[:, -1] - data.micro[:, 0]
     slope = (mean[:, -1] - mean[:, 0]) / span
@@ -76,14 +78,14 @@ def score_network(model: Model, data: Pairs) -> Scores:
 
 def measure_residual(model: LallemanEnsemble, validation: Pairs) -> None:
     """Set the residual of an ensemble to the rms error of its mean on pairs it has not learned from."""
-    mean, _ = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+    mean, _ = predict_pairs(model, validation)
     model.residual.fill_(float((mean - validation.meso).square().mean().sqrt()))
 
 
 def calibrate_spread(model: Model, validation: Pairs) -> None:
     """Scale the stated spread so that 90 % of the pairs lie within, with the correction for a finite number."""
     model.widening.fill_(1.0)
-    mean, spread = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+    mean, spread = predict_pairs(model, validation)
     ratio = ((mean - validation.meso).abs() / spread).flatten()
     level = min(0.9 * (1.0 + 1.0 / len(validation)), 1.0)
     model.widening.fill_(float(torch.quantile(ratio, level)) / QUANTILE_90)

@@ -22,12 +22,13 @@ import torch
 
 from macrofit.base.arrays import FloatArray, IntArray
 
-from ..data.plates import Plates
-from ..data.samples import Samples, content_hash
+from ..data.plates import Faces, Plates
+from ..data.samples import Samples, content_hash, joined_samples, select_samples
 from ..errors import TrainingError
 from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
-from .dataset import Faces, Pairs, pair_tensors, split_by_family
+from .dataset import STEEL, Pairs, joined, pair_tensors, split_by_family
 from .descent import Curves, Descent, Watch, descend
+from .devices import chosen_device
 from .model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from .objectives import cnn_descent, ensemble_descent
 from .resume import TrainingState
@@ -39,8 +40,6 @@ EPOCHS: dict[Architecture, int] = {"energy": 2000, "paper": 80}
 """Upper bound of the epochs."""
 PATIENCE: dict[Architecture, int] = {"energy": 200, "paper": 15}
 """Epochs without a lower validation loss before training stops."""
-STEEL = Plates()
-"""The plates of the default design."""
 FEWEST_PAIRS = 20
 """Pairs from which anything is learned."""
 
@@ -66,6 +65,7 @@ def train_network(
     seed: int = 0,
     *,
     plates: Plates = STEEL,
+    beside: Sequence[tuple[Samples, Plates]] = (),
     members: int = 8,
     width: int = 24,
     constant: bool | None = None,
@@ -86,26 +86,34 @@ def train_network(
         faces: surfaces as generated, or as the envelopes of their spheres.
         seed: chooses the split, the starting values and the order of the samples.
         plates: plates of the friction tests, from the header of the database.
+        beside: samples of more databases with their plates, of other pressures or held otherwise while sliding.
         members: networks in the ensemble, of `energy`.
         width: hidden units of its perceptrons.
         constant: `energy` has a constant in b; by default for plates with a speed, whose damping takes energy.
         seeds: networks of `paper`, one after the other from `seed`, `seed` + 1 and so on; several make an ensemble.
         points: points of a wheel's face along its edge, a part of those of the samples; see `pair_tensors`.
         epochs: upper bound.
-        device: device of torch; a GPU where there is one and it is left out.
+        device: device of torch, see `devices.chosen`; a GPU where there is one and it is left out.
         resume: file for the state of the training, from which the same one goes on to the same bits.
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: too few samples, values that are not finite, plates not of 1 mm, unsuitable `points`.
+        TrainingError: too few samples, values that are not finite, plates not of 1 mm, unsuitable `points`, databases
+            that do not go together, no such device.
     """
-    fit, validation = _split_pairs(samples, faces, points, plates, seed)
+    sources = _sources(((samples, plates), *beside))
+    samples = joined_samples([some for some, _ in sources])
+    wide = bool(beside) or bool(np.ptp(samples.pressure))
+    fit, validation = _split_pairs(samples, sources, faces, points, seed)
     epochs = EPOCHS[architecture] if epochs is None else epochs
-    device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+    device = chosen_device(device)
     options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1], members=seeds)
     if architecture == "energy":
-        options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant)
+        options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant, wide=wide)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
+    if wide:
+        provenance = _widened(provenance, samples, {each.control for _, each in sources})
+    provenance = msgspec.structs.replace(provenance, device=device)
     key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
     count = options.members if isinstance(options, CNNOptions) else 1
     states = [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
@@ -169,11 +177,29 @@ def _descent(model: Model, fit: Pairs, validation: Pairs) -> Descent:
     return cnn_descent(model, fit, validation)
 
 
-def _split_pairs(samples: Samples, faces: Faces, points: int | None, plates: Plates, seed: int) -> tuple[Pairs, Pairs]:
-    """The pairs for training and for validation."""
-    if (plates.edge, plates.slide) != (1.0, 1.0):
-        raise TrainingError(f"plates of {plates.edge:g} mm slid by {plates.slide:g} mm: networks take 1 mm of both")
-    data = pair_tensors(samples, faces, points)
+def _sources(databases: Sequence[tuple[Samples, Plates]]) -> list[tuple[Samples, Plates]]:
+    """The samples to learn from, with their plates; without those whose answer is doubtful.
+
+    Raises:
+        TrainingError: plates that no network takes, or that do not go together.
+    """
+    first = databases[0][1]
+    for samples, plates in databases:
+        if (plates.edge, plates.slide) != (1.0, 1.0):
+            raise TrainingError(f"plates of {plates.edge:g} mm slid by {plates.slide:g} mm: networks take 1 mm of both")
+        others = first.unlike(msgspec.structs.replace(plates, pressure=first.pressure, control=first.control))
+        if others:
+            raise TrainingError(f"the databases do not go together: {'; '.join(others)}")
+        if samples.micro_friction.shape[1] != databases[0][0].micro_friction.shape[1]:
+            raise TrainingError("the databases do not go together: take as many micro coefficients per pair in all")
+    return [(select_samples(samples, np.flatnonzero(samples.remark == b"")), plates) for samples, plates in databases]
+
+
+def _split_pairs(
+    samples: Samples, sources: Sequence[tuple[Samples, Plates]], faces: Faces, points: int | None, seed: int
+) -> tuple[Pairs, Pairs]:
+    """The pairs for training and for validation, of all sources together."""
+    data = joined([pair_tensors(some, faces, points, plates) for some, plates in sources])
     _check_pairs(data)
     rows, held_back = split_by_family(samples, seed=seed)
     fit, validation = data.take(rows), data.take(held_back)
@@ -195,12 +221,12 @@ def _check_pairs(data: Pairs) -> None:
 
 
 def _ensemble_options(
-    fit: Pairs, faces: Faces, plates: Plates, *, members: int, width: int, constant: bool | None
+    fit: Pairs, faces: Faces, plates: Plates, *, members: int, width: int, constant: bool | None, wide: bool
 ) -> EnsembleOptions:
     """Options of the ensemble on foundations; an error where the points of a face do not divide a slide equally."""
     constant = plates.dynamic if constant is None else constant
     options = EnsembleOptions(
-        stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant
+        stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant, wide=wide
     )
     points = fit.wheel.shape[1]
     if (points - 1) % (options.positions - 1):
@@ -240,6 +266,23 @@ def _provenance(
             "torch": str(torch.__version__),
             "safetensors": safetensors.__version__,
         },
+    )
+
+
+def _widened(provenance: Provenance, samples: Samples, controls: set[str]) -> Provenance:
+    """The provenance with all that pairs of a wide design differ in."""
+    forms = samples.form.astype(str)
+    seeds = {
+        str(form): _seeds(samples.wheel_seed[forms == form], samples.axle_seed[forms == form])
+        for form in np.unique(forms)
+    }
+    return msgspec.structs.replace(
+        provenance,
+        pressure=_range(samples.pressure),
+        controls=tuple(sorted(controls)),
+        forms=tuple(seeds),
+        lays=tuple(np.unique(samples.lay.astype(str)).tolist()),
+        seeds_of_form=seeds,
     )
 
 

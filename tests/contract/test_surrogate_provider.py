@@ -84,14 +84,25 @@ def answers(provider: Any, *pairs: tuple[int, int]) -> list[float]:
 class Fake:
     """Tiles that answer every batch alike, and remember how many pairs it had."""
 
-    def __init__(self, mean: list[float], in_contact: list[bool] | None = None) -> None:
-        self.mean, self.in_contact = mean, in_contact
+    pressures = None
+    predictor = SimpleNamespace(provenance=None)
+
+    def __init__(self, mean: list[float], in_contact: list[bool] | None = None, seen: list[bool] | None = None) -> None:
+        self.mean, self.in_contact, self.seen = mean, in_contact, seen
         self.batches: list[int] = []
 
-    def predict(self, seat: Any, bore: Any, micro: float) -> SimpleNamespace:
+    def levels(self, pressure: Any) -> Any:
+        return np.zeros(len(pressure), dtype=np.int64)
+
+    def predict(self, seat: Any, bore: Any, micro: float, level: Any) -> SimpleNamespace:
         self.batches.append(len(seat))
-        in_contact = np.array(self.in_contact or [True] * len(self.mean))
-        return SimpleNamespace(mean=np.array(self.mean), spread=np.full(len(self.mean), 0.01), in_contact=in_contact)
+        all_of_them = [True] * len(self.mean)
+        return SimpleNamespace(
+            mean=np.array(self.mean),
+            spread=np.full(len(self.mean), 0.01),
+            in_contact=np.array(self.in_contact or all_of_them),
+            seen=np.array(self.seen or all_of_them),
+        )
 
 
 # The answer
@@ -315,15 +326,30 @@ def test_options_are_read_without_torch() -> None:
     assert not loaded & {"torch", "safetensors", "numba", "scipy", "h5py", "mpi4py", "dolfinx"}
 
 
-@pytest.mark.parametrize("missing", ["torch", "safetensors"])
-def test_without_the_extra_it_says_what_to_install(missing: str) -> None:
+def test_the_energy_network_answers_without_torch() -> None:
+    program = """
+import sys
+sys.modules["torch"] = None
+import numpy as np
+from macrofit.friction import BuildContext, TilePairs, build
+context = BuildContext(seat_tiles=2, bore_tiles=2, youngs_modulus=206e3, poisson_ratio=0.3)
+tiles, none = np.arange(2), np.zeros(2)
+print(*build("surrogate", {}, context).coefficients(TilePairs(tiles, tiles, none, none)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert all(0.01 < float(mu) < 0.2 for mu in done.stdout.split())
+
+
+@pytest.mark.parametrize(("missing", "network"), [("torch", "cnn"), ("safetensors", "energy")])
+def test_without_the_extra_it_says_what_to_install(missing: str, network: str) -> None:
     program = f"""
 import sys
 sys.modules[{missing!r}] = None
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, build
+context = BuildContext(seat_tiles=1, bore_tiles=1, youngs_modulus=206e3, poisson_ratio=0.3)
 try:
-    build("surrogate", {{}}, BuildContext(seat_tiles=1, bore_tiles=1, youngs_modulus=206e3, poisson_ratio=0.3))
+    build("surrogate", {{"network": {network!r}}}, context)
 except ProviderError as error:
     print(error)
 """

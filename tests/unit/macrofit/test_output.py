@@ -7,6 +7,7 @@ import json
 import os
 import resource
 from contextlib import contextmanager
+from pathlib import Path
 
 import h5py
 import meshio
@@ -15,8 +16,10 @@ import numpy as np
 import pytest
 from fakes import SEAT_RADIUS, fake_field, fake_increment, fake_scene, fake_solution
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
 from macrofit.acceptance import verdict as press_fit_verdict
+from macrofit.base.figure import png, save
 from macrofit.base.files import replacing
 from macrofit.bodies import outlook
 from macrofit.errors import OutputError
@@ -520,3 +523,17 @@ def test_more_frames_than_increments_are_all_of_them() -> None:
     for frames in (len(travels), 2 * len(travels), 2**63 - 1):
         scene = msgspec.structs.replace(fake_scene(), output=OutputKeys(frames=frames))
         assert _fields_at(scene, travels) == list(range(len(travels)))
+
+
+def test_pictures_are_written_as_they_are_drawn(tmp_path: Path) -> None:
+    """Every pixel, as another program reads it, and the size on paper."""
+    picture = np.random.default_rng(0).integers(0, 256, (7, 5, 3), dtype=np.uint8)
+    (tmp_path / "a.png").write_bytes(png(picture))
+    assert np.array_equal(np.rint(255.0 * imread(tmp_path / "a.png")), picture)
+    figure = Figure(figsize=(2.0, 1.0), dpi=150)
+    figure.add_subplot().plot([0.0, 1.0])
+    figure.savefig(tmp_path / "theirs.png")
+    save(figure, tmp_path / "ours.png")
+    assert np.array_equal(imread(tmp_path / "ours.png"), imread(tmp_path / "theirs.png")[..., :3])
+    density = int.from_bytes((tmp_path / "ours.png").read_bytes()[41:45], "big")
+    assert density == pytest.approx(150.0 / 0.0254, abs=0.5)  # dots per metre

@@ -90,3 +90,21 @@ def test_found_keeps_what_it_was_told(tmp_path: Path) -> None:
     assert [(figure["what"], figure["value"], count) for figure, count in worst(kept)] == [
         ("error", 2.0, 2), ("rate", 1.5, 2),
     ]  # fmt: skip
+
+
+TABLES = """
+import sys
+{first}
+from macrofit.base.figure import figure_class
+Figure = figure_class()
+from matplotlib.artist import Artist, kwdoc
+from matplotlib.lines import Line2D
+Figure().add_subplot().plot([1.0], [2.0])[0].set(lw=3.0)
+print("linewidth" in (Line2D.set.__doc__ or ""), "linewidth" in kwdoc(Line2D))
+"""
+
+
+def test_matplotlib_keeps_its_tables_where_somebody_may_read_them() -> None:
+    assert said(TABLES.format(first="")) == "False True"
+    assert said(TABLES.format(first="sys.ps1 = '>>> '")) == "True True"
+    assert said(TABLES.format(first="import matplotlib.lines")) == "True True"

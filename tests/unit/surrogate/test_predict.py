@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
 from surrogate.network.foundation import Foundation, SlideResponse
+from surrogate.network.inference import TrainedEnsemble, ensemble_shapes
 from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, LallemanCNN, LallemanEnsemble, upper_roughness
 from surrogate.network.predict import Prediction, Predictor
 
@@ -115,18 +117,42 @@ def test_parts_of_faces_make_the_papers_network(architecture: str) -> None:
 def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
     """Whatever their order, and for each of the micro coefficients that they are asked for in turn."""
     predictor = Predictor(stored(tmp_path / "m.safetensors", *network("energy")))
-    wheels, axles = (torch.from_numpy(heights) for heights in faces())
-    assert isinstance(predictor.model, FoundationEnsemble)
-    with torch.inference_mode():
-        slopes, features = predictor.model.prepare(wheels, axles, torch.from_numpy(WHEEL), torch.from_numpy(AXLE))
-        laws, in_contact = predictor.model.affine_laws(slopes, features), predictor.model.keeps_contact(features)
+    assert isinstance(predictor.model, TrainedEnsemble)
+    slopes, features = predictor.model.prepare(*faces(), WHEEL, AXLE)
+    laws, flags = predictor.model.affine_laws(slopes, features), predictor.model.flags(features)
     rows = np.random.default_rng(3).permutation(len(WHEEL))[:50]
     for micro in (0.03, 0.09):
         whole = predictor(*faces(), WHEEL, AXLE, micro)
-        assert same(whole, predictor.answer(laws, in_contact, micro))
-        assert same(whole, predictor.answer(laws[rows], in_contact[rows], np.full(50, micro)), rows)
+        assert same(whole, predictor.answer(laws, flags, micro))
+        assert same(whole, predictor.answer(laws[rows], flags[rows], np.full(50, micro)), rows)
     with pytest.raises(PredictionError, match="micro coefficient is not finite"):
-        predictor.answer(laws, in_contact, np.inf)
+        predictor.answer(laws, flags, np.inf)
+
+
+@pytest.mark.parametrize("more", [{}, {"constant": True, "positions": 9}, {"wide": True}])
+def test_answers_are_those_of_torch(more: dict[str, Any]) -> None:
+    """But for rounding of single precision, of loads and pairs at constant force too where the network is wide."""
+    options = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD, **more)
+    torch.manual_seed(5)
+    model = options.build_network().requires_grad_(requires_grad=False)
+    assert isinstance(model, FoundationEnsemble)
+    for name, value in model.state_dict().items():
+        torch.nn.init.normal_(value, 0.5 if name in ("scale", "highest") else 0.0, std=0.1)
+    state = {name: value.numpy() for name, value in model.state_dict().items()}
+    assert {name: value.shape for name, value in state.items()} == ensemble_shapes(options)
+    rng, trained = np.random.default_rng(6), TrainedEnsemble(options, state)
+    load = rng.uniform(60.0, 400.0, len(WHEEL)).astype(np.float32) if options.wide else None
+    free = rng.random(len(WHEEL)) < 0.5 if options.wide else None
+    slopes, features = trained.prepare(*faces(), WHEEL, AXLE, load=load, constant_force=free)
+    mean, spread = trained.evaluate_laws(trained.affine_laws(slopes, features), COEFFICIENTS)
+    given = [None if each is None else torch.from_numpy(each) for each in (*faces(), WHEEL, AXLE, load, free)]
+    expected = model.prepare(*given[:4], load=given[4], constant_force=given[5])  # type: ignore[arg-type]
+    answers = model.predict_prepared(*expected, torch.from_numpy(COEFFICIENTS)[:, None])
+    assert np.allclose(slopes, expected[0], rtol=1e-5, atol=1e-7)
+    assert np.allclose(features, expected[1], rtol=2e-5, atol=1e-7)
+    assert np.allclose(mean, answers[0][:, 0], rtol=1e-5, atol=1e-6)
+    assert np.allclose(spread, answers[1][:, 0], rtol=1e-4, atol=1e-6)
+    assert np.array_equal(trained.flags(features), model.flags(expected[1]))
 
 
 def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

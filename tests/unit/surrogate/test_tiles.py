@@ -17,8 +17,9 @@ from meso.settings import FaceKeys
 from surrogate.data.faces import generated_face
 from surrogate.data.samples import Plates
 from surrogate.errors import CheckpointError, PredictionError
+from surrogate.network import inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
-from surrogate.network.model import PAIRS_PER_CHUNK
+from surrogate.network.inference import PAIRS_PER_CHUNK
 from surrogate.network.predict import Prediction, Predictor
 from surrogate.tiles import TILES_AHEAD, Tiles, load_predictor, shared_tiles
 
@@ -151,9 +152,13 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
 
 
 def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
-    foundation: Any = energy.model.foundation
-    slide, slid = foundation.slide, []
-    monkeypatch.setattr(foundation, "slide", lambda wheel, axle: slid.append(len(wheel)) or slide(wheel, axle))
+    slide, slid = inference.slide_foundations, []
+
+    def counted(options: Any, wheel: Any, *given: Any) -> Any:
+        slid.append(len(wheel))
+        return slide(options, wheel, *given)
+
+    monkeypatch.setattr(inference, "slide_foundations", counted)
 
     def ask(asked: Tiles, rows: IntArray) -> int:
         asked.predict(SEAT[rows], BORE[rows], 0.05)
@@ -165,7 +170,7 @@ def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, mon
     ahead = [diagonal(place) for place in range(4, 5 + TILES_AHEAD)]
     for rows in ahead:
         assert ask(asked, rows) == sum(map(len, ahead)) < PAIRS_PER_CHUNK
-    assert slid == [PAIRS_PER_CHUNK, PAIRS_PER_CHUNK]
+    assert slid == [PAIRS_PER_CHUNK, sum(map(len, ahead))]
     asked = tiles(energy)
     assert ask(asked, ROWS[-1:]) == 1  # nothing is ahead
     assert asked.faces == 2

@@ -1,0 +1,101 @@
+"""Errors by part of the range: roughness, pressure, form, lay and micro coefficient, each with floor and coverage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from macrofit.base.arrays import BoolArray
+
+from ..data.samples import select_samples
+from .errors import coverage, relative_errors, slope_r2
+from .measured import MeasuredPairs
+from .predicted import PredictedPairs
+
+HEIGHTS = (0.0, 0.005, 0.02, 0.05, 1.0)
+"""Edges of the parts by R [mm]."""
+PRESSURES = (0.0, 30.0, 100.0, 300.0, 5000.0)
+"""Edges of the parts by pressure [MPa]."""
+FROM = 0.05
+"""Micro coefficient from which errors of a part are counted [-]: below, coefficients of rough pairs are near zero."""
+FEWEST = 4
+"""Pairs from which a part is told."""
+
+
+def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, dict[str, Any]]:
+    """Errors, floors and coverages by part, where the pairs differ in more than R, level and exponent; else nothing.
+
+    Errors are against the mean over packings, at micro coefficients from `FROM` on.
+    """
+    first = select_samples(data.samples, np.arange(0, len(data.samples), data.packings))
+    if not np.ptp(first.pressure):
+        return {}
+    found = {}
+    for name, rows in _parts(first.max_height, first.pressure, first.form.astype(str), first.lay.astype(str)):
+        if rows.sum() >= FEWEST:
+            found[name] = _measures(*_taken(data, predicted, rows, data.micro >= FROM))
+    every = np.ones(len(first), dtype=np.bool_)
+    for micro in data.micro:
+        found[f"micro {micro:g}"] = _measures(*_taken(data, predicted, every, data.micro == micro))
+    return found
+
+
+def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The report for a reader."""
+    if not parts:
+        return []
+    head = ("pairs", "error", "std.err.", "floor", "90 %", "R2 of b")
+    lines = ["", f"{'part [%]':24}" + "".join(f"{name:>10}" for name in head)]
+    for name, row in parts.items():
+        shares = [row["error"], row["standard_error"], row["floor"], row["coverage_90"]]
+        r2 = "-" if row["r2_b"] is None else f"{row['r2_b']:.3f}"
+        lines.append(
+            f"  {name:22}{row['pairs']:10d}" + "".join(f"{100 * share:10.2f}" for share in shares) + f"{r2:>10}"
+        )
+    return [*lines, f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named"]
+
+
+def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tuple[str, BoolArray]]:
+    """Name and pairs of each part but those by micro coefficient."""
+    yield "all", np.ones(len(heights), dtype=np.bool_)
+    for name, values, edges, unit in (("R", 1e3 * heights, [1e3 * edge for edge in HEIGHTS], "µm"),
+                                      ("p", pressures, PRESSURES, "MPa")):  # fmt: skip
+        for label, rows in _between(values, edges):
+            yield f"{name} {label} {unit}", rows
+    for values in (forms, lays):
+        for value in np.unique(values):
+            yield str(value), values == value
+
+
+def _between(values: Any, edges: Sequence[float]) -> Iterator[tuple[str, BoolArray]]:
+    """Parts between edges, which the values' own range cuts off."""
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        rows = (values >= low) & (values < high)
+        if rows.any():
+            yield f"{max(low, values.min()):.3g}-{min(high, values.max()):.3g}", rows
+
+
+def _taken(
+    data: MeasuredPairs, predicted: PredictedPairs, rows: BoolArray, micros: BoolArray
+) -> tuple[MeasuredPairs, PredictedPairs]:
+    """Some of the pairs, at some of the micro coefficients."""
+    some = np.ix_(rows, np.ones(data.packings, dtype=np.bool_), micros)
+    spread = None if predicted.spread is None else predicted.spread[some]
+    taken = replace(data, micro=data.micro[micros], meso=data.meso[some], in_contact=data.in_contact[rows])
+    return taken, replace(predicted, mean=predicted.mean[some], spread=spread)
+
+
+def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
+    """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b."""
+    of_mean = relative_errors(data, predicted)[1].mean(1)
+    return {
+        "pairs": len(data.meso),
+        "error": float(of_mean.mean()),
+        "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
+        "floor": float(data.noise_floor.mean() / np.sqrt(data.packings)),
+        "coverage_90": float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan"),
+        "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,
+    }

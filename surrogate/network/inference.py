@@ -1,0 +1,304 @@
+"""The ensemble on foundations as it answers, in numpy: a press-fit does not wait for torch.
+
+The formulas of `FoundationEnsemble`, in single precision over the nodes of a face and over the perceptrons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
+
+if TYPE_CHECKING:
+    from .checkpoint import EnsembleOptions
+
+Single: TypeAlias = npt.NDArray[np.float32]
+"""Numbers in the network's precision."""
+
+PAIRS_PER_CHUNK = 64
+"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
+LAWS_PER_CHUNK = 512
+"""Pairs whose affine laws are computed together."""
+LEAST_SPREAD = 1e-5
+"""Lower bound of a standard deviation [-]."""
+FLOOR_UNIT = 1e-3
+"""What the floor of the spread of b, and the spread of a, are counted in [-]."""
+BEYOND = 0.1
+"""How far a feature may lie outside those learned from, over their range [-]."""
+CONSTANT_UNIT = 0.01
+"""What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
+QUANTILE_90 = 1.645
+"""Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
+NEWTON_STEPS = 30
+"""Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
+NEWTON_TOLERANCE = 1e-5
+"""Step below which the iteration ends, as a share of the mean overlap [-]."""
+
+
+def check_foundations(stiffness: Sequence[float], positions: int) -> None:
+    """Refuse foundations that cannot be.
+
+    Raises:
+        ValueError: the stiffnesses do not rise, or there are fewer than two positions.
+    """
+    if positions < 2 or not stiffness or any(right <= left for left, right in pairwise((0.0, *stiffness))):
+        raise ValueError("a foundation needs two positions and stiffnesses that rise from above 0")
+
+
+def ensemble_shapes(options: EnsembleOptions) -> dict[str, tuple[int, ...]]:
+    """Shapes of the tensors of an ensemble, all in single precision.
+
+    Raises:
+        ValueError: as `check_foundations`.
+    """
+    check_foundations(options.stiffness, options.positions)
+    members, width, count = options.members, options.width, len(options.stiffness)
+    features, outputs = 2 + 3 * count + 2 * options.wide, count + options.constant + 2 + 2 * options.wide
+    ranges = {"lowest": (features,), "highest": (features,)} if options.wide else {}
+    return {
+        "centre": (features,), "scale": (features,), "widening": (), "lost": (), **ranges,
+        "first": (members, features, width), "first_bias": (members, width),
+        "last": (members, width, outputs), "last_bias": (members, outputs),
+    }  # fmt: skip
+
+
+class TrainedEnsemble:
+    """mu_meso = a mu_micro + b of pairs of faces, see `surrogate.network.model.FoundationEnsemble`.
+
+    The answer for a pair has the same bits whatever other pairs are asked for.
+
+    Args:
+        options: architecture and its arguments.
+        arrays: the weights, as in a checkpoint.
+    """
+
+    def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        self.options, self.arrays, self.members = options, dict(arrays), options.members
+        count = len(options.stiffness) + options.constant
+        self._first = np.ascontiguousarray(np.moveaxis(arrays["first"], 1, 0))[..., None]  # (F, M, W, 1)
+        self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
+        self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
+        self._terms = count
+        self._kept: Single = np.empty(0, dtype=np.float32)
+
+    def prepare(
+        self,
+        wheels: HeightArray,
+        axles: HeightArray,
+        wheel: IntArray,
+        axle: IntArray,
+        *,
+        roughness: tuple[Single, Single] | None = None,
+        load: Single | None = None,
+        constant_force: BoolArray | None = None,
+    ) -> tuple[Single, Single]:
+        """Slopes of the foundations (pairs, K) and even features (pairs, F); see `FoundationEnsemble.prepare`."""
+        options, count = self.options, len(wheel)
+        loads = np.full(count, options.load, dtype=np.float32) if load is None else load
+        free = np.zeros(count, dtype=np.bool_) if constant_force is None else constant_force
+        if roughness is None:
+            roughness = _each_roughness(wheels), _each_roughness(axles)
+        slopes = np.empty((count, len(options.stiffness)), dtype=np.float32)
+        features = np.empty((count, len(self.arrays["centre"])), dtype=np.float32)
+        both = np.sqrt(np.square(roughness[0][wheel]) + np.square(roughness[1][axle]))
+        for start in range(0, count, PAIRS_PER_CHUNK):
+            part = slice(start, start + PAIRS_PER_CHUNK)
+            n, fixed = loads[part], free[part]
+            faces = wheels[wheel[part]], axles[axle[part]]
+            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, self._room(wheels.shape[1:]))
+            parts = [both[part], slide.load, slide.depth, slide.least]
+            if options.wide:
+                parts.insert(1, np.column_stack([np.log(n / np.float32(options.load)), fixed.astype(np.float32)]))
+            slopes[part], features[part] = slide.b, np.concatenate(parts, axis=1)
+        return slopes, features
+
+    def _room(self, face: tuple[int, ...]) -> Single:
+        """Memory for the sums of a chunk at all positions and for one array more; new memory costs as much as sums."""
+        shape = (self.options.positions + 1, PAIRS_PER_CHUNK, face[0] * face[1])
+        if self._kept.shape != shape:
+            self._kept = np.empty(shape, dtype=np.float32)
+        return self._kept
+
+    def member_laws(self, slopes: Single, features: Single) -> Single:
+        """a, b, the spread of b and where it is wide that of a, of every member, (3 or 4, members, pairs)."""
+        weights = self.arrays
+        x = np.ascontiguousarray(((features - weights["centre"]) / weights["scale"]).T)  # (F, P)
+        hidden = weights["first_bias"][:, :, None] + np.zeros(len(features), dtype=np.float32)
+        for row, value in zip(self._first, x, strict=True):
+            hidden += row * value  # (M, W, P)
+        hidden = hidden / (np.float32(1.0) + np.abs(hidden))
+        units = np.ascontiguousarray(np.moveaxis(hidden, 1, 0))  # (W, M, P)
+        out = self._last_bias + np.zeros(len(features), dtype=np.float32)
+        for row, unit in zip(self._last, units, strict=True):
+            out += row * unit  # (O, M, P)
+        terms = [*slopes.T, np.full(len(slopes), CONSTANT_UNIT, dtype=np.float32)][: self._terms]
+        b = out[0] * terms[0]
+        for weight, term in zip(out[1 : self._terms], terms[1:], strict=True):
+            b += weight * term
+        a, wide, *floors = out[self._terms :]
+        spread = positive(wide) * features[:, 0] + np.float32(LEAST_SPREAD)
+        if not floors:
+            return np.stack([a, b, spread])
+        unit = np.float32(FLOOR_UNIT)
+        return np.stack([a, b, spread + unit * positive(floors[0]), unit * positive(floors[1])])
+
+    def affine_laws(self, slopes: Single, features: Single) -> Single:
+        """What `member_laws` gives, with a row for each pair: (pairs, 3 or 4, members)."""
+        parts = [slice(at, at + LAWS_PER_CHUNK) for at in range(0, max(1, len(slopes)), LAWS_PER_CHUNK)]
+        return np.concatenate([self.member_laws(slopes[part], features[part]).transpose(2, 0, 1) for part in parts])
+
+    def evaluate_laws(self, laws: Single, micro: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and spread at micro coefficients (pairs,), from `affine_laws`; affine in them, in double precision."""
+        a, b, *spreads = np.ascontiguousarray(laws.transpose(1, 2, 0))  # (M, P) each
+        a_mean, b_mean = _mean_in_order(a), _mean_in_order(b)  # (P,)
+        offset = (a - a_mean) * micro + (b - b_mean)
+        squares = np.square(spreads[0])
+        if len(spreads) > 1:
+            squares = np.square(np.sqrt(np.square(spreads[0]) + np.square(spreads[1] * micro)))
+        variance = _mean_in_order(squares) + _mean_in_order(np.square(offset))
+        return a_mean * micro + b_mean, self.arrays["widening"] * np.sqrt(variance)
+
+    def keeps_contact(self, features: Single) -> BoolArray:
+        """Whether the plates keep in contact all along the slide, (pairs,)."""
+        return np.asarray(features[:, -1] > self.arrays["lost"])
+
+    def flags(self, features: Single) -> BoolArray:
+        """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
+        return np.stack([self.keeps_contact(features), self.has_seen(features)], axis=1)
+
+    def has_seen(self, features: Single) -> BoolArray:
+        """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""
+        if not self.options.wide:
+            return np.ones(len(features), dtype=np.bool_)
+        low, high = self.arrays["lowest"], self.arrays["highest"]
+        slack = np.float32(BEYOND) * (high - low)
+        return np.asarray(((features >= low - slack) & (features <= high + slack)).all(axis=1))
+
+
+def positive(values: Single) -> Single:
+    """A positive number from any: half of x + sqrt(x^2 + 1)."""
+    return np.asarray(np.float32(0.5) * (values + np.sqrt(np.square(values) + np.float32(1.0))))
+
+
+def upper_roughness(face: HeightArray) -> Single:
+    """Rms height above the median [mm] and rms step between neighbours [mm] of the upper half of a face; (2,)."""
+    middle = np.partition(face, (face.size - 1) // 2, axis=None)[(face.size - 1) // 2]
+    upper = np.maximum(face - middle, np.float32(0.0))
+    along, across = np.square(np.diff(upper, axis=0)), np.square(np.diff(upper, axis=1))
+    steps = (along.sum(dtype=np.float64) + across.sum(dtype=np.float64)) / (along.size + across.size)
+    return np.sqrt([np.square(upper).mean(dtype=np.float64), steps]).astype(np.float32)
+
+
+def _each_roughness(faces: HeightArray) -> Single:
+    return np.array([upper_roughness(face) for face in faces], dtype=np.float32).reshape(len(faces), 2)
+
+
+def _mean_in_order(members: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Mean over the first dimension, summed one after the other: numpy's sum takes another order for a single pair."""
+    return np.asarray(reduce(np.add, members) / len(members))
+
+
+class SlideNumbers(NamedTuple):
+    """Response of foundations of stiffnesses K to a slide, (pairs, K) each; see `foundation.SlideResponse`."""
+
+    b: Single
+    """Change of the energy over the mean load and the slide [-]."""
+    load: Single
+    """Mean over the slide, over the load at the start [-]."""
+    least: Single
+    """Smallest load of the positions, over the load at the start [-]."""
+    depth: Single
+    """Mean energy over mean load [mm]."""
+
+
+def slide_foundations(
+    options: EnsembleOptions, wheel: HeightArray, axle: HeightArray, loads: FloatArray, free: BoolArray, room: Single
+) -> SlideNumbers:
+    """Slide every wheel over its axle by its length of 1 mm; see `Foundation.slide`.
+
+    Args:
+        options: stiffnesses and positions.
+        wheel: heights (pairs, n + 1, n + 1) [mm].
+        axle: heights (pairs, 2 n + 1, n + 1) [mm].
+        loads: normal force at the start of each pair (pairs,) [N].
+        free: whether each pair keeps its load, (pairs,); else it keeps its height.
+        room: memory to be overwritten, (positions + 1, at least pairs, G).
+    """
+    pairs, row = len(wheel), wheel.shape[2]
+    stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
+    face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
+    nodes = face.shape[1]
+    *sums, work = room[:, :pairs]
+    for k, at in enumerate(sums):
+        np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
+    solved = sums if free.any() else sums[:1]
+    # flat faces would be pressed to their mean less the overlap: others not so deep
+    heights = [_row_sums(at) / nodes - loads / options.stiffness[0] for at in solved]  # (P,) each
+    found = []
+    for stiffness in options.stiffness:
+        overlap = loads / stiffness
+        heights = [contact_height(at, overlap, z, work) for at, z in zip(solved, heights, strict=True)]
+        places = [np.where(free, z, heights[0]) for z in heights] * (len(sums) // len(solved))
+        found.append(_response(sums, places, stiffness, loads, work))
+    return SlideNumbers(*(np.stack(column, axis=1).astype(np.float32) for column in zip(*found, strict=True)))
+
+
+def contact_height(sums: HeightArray, overlap: FloatArray, start: FloatArray, work: Single) -> FloatArray:
+    """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
+
+    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap.
+
+    Args:
+        sums: sums of the heights of both faces (pairs, G) [mm].
+        overlap: mean overlap over all nodes (pairs,) [mm].
+        start: a height not above z (pairs,) [mm].
+        work: an array of the shape of `sums` to be overwritten.
+    """
+    height = start
+    for _ in range(NEWTON_STEPS):
+        _overlap(sums, height, work)
+        touching = np.add.reduce(work > 0.0, axis=1, dtype=np.int32)
+        step = (_row_sums(work) - overlap * sums.shape[1]) / np.maximum(touching, 1)
+        moves = step > NEWTON_TOLERANCE * overlap
+        if not moves.any():
+            break
+        height = np.where(moves, height + step, height)
+    return height
+
+
+def _response(
+    sums: Sequence[HeightArray], places: Sequence[FloatArray], stiffness: float, start: FloatArray, work: Single
+) -> tuple[FloatArray, ...]:
+    """b, mean load, least load and depth of a foundation whose face lies at these heights, (pairs,) each."""
+    loads, energies = np.empty((2, len(sums), len(start)))
+    spring = stiffness / sums[0].shape[1]
+    for k, (at, place) in enumerate(zip(sums, places, strict=True)):
+        _overlap(at, place, work)
+        loads[k] = spring * _row_sums(work)
+        energies[k] = 0.5 * spring * np.einsum("ij,ij->i", work, work)
+    load, energy = _trapezoid_mean(loads), _trapezoid_mean(energies)
+    carried = np.maximum(load, 0.05 * start)
+    b = (energies[-1] - energies[0] + start * (places[-1] - places[0])) / carried
+    return b, load / start, loads.min(axis=0) / start, energy / carried
+
+
+def _overlap(sums: HeightArray, heights: FloatArray, work: Single) -> None:
+    """What is above a height for each row, into `work`; a column of zeros is compared with twice as fast as a zero."""
+    np.subtract(sums, heights[:, None].astype(np.float32), out=work)
+    np.maximum(work, np.zeros((len(work), 1), dtype=np.float32), out=work)
+
+
+def _row_sums(rows: Single) -> FloatArray:
+    """The sum of each row; by einsum, in a third of the time of `sum`."""
+    return np.asarray(np.einsum("ij->i", rows), dtype=np.float64)
+
+
+def _trapezoid_mean(values: FloatArray) -> FloatArray:
+    """Mean along the slide of values at equal steps, by the trapezoid rule."""
+    return np.asarray(reduce(np.add, values[1:-1], 0.5 * (values[0] + values[-1])) / (len(values) - 1))
