@@ -105,7 +105,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     learned from many pressures, else that of its plates."""
     control: Literal["displacement", "force"] | None = None
     """What a pair holds while it slides: the height of the plates, or their force, at which contact is never lost.
-    None: what the plates that are asked for hold."""
+    None: the force with the pair's own pressure, else what the plates that are asked for hold."""
 
     def __post_init__(self) -> None:
         if isinstance(self.pressure, float) and not 0.0 < self.pressure <= 5000.0:
@@ -235,17 +235,23 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         unseen += other_faces(network.provenance, surface)
         about = network.provenance
         asked = self._in_solid(self._asked_or_learned(about.plates, context.tile_size), context)
+        if about.wide and self._own_pressure and self.control is None:
+            asked = msgspec.structs.replace(asked, control="force")
         unseen += about.unlike(asked)
         counts = context.seat_tiles, context.bore_tiles
-        if not about.wide:
+        if not about.wide or about.architecture == "paper":  # that one sees the faces alone
             if self.pressure == "own":
                 unseen.append(f"pressure = 'own' asks for others than {about.plates.pressure:g} MPa")
             return shared_tiles(network, self.seed, surface, counts), unseen
-        assert about.pressure is not None
+        held = next((known for known in about.pressures if known == asked.control), next(iter(about.pressures)))
         one = about.at_modulus(asked.pressure, asked.youngs_modulus)
-        low, high = about.pressure if self.pressure in (None, "own") else (one, one)
-        held = asked.control if asked.control in about.controls else about.plates.control
+        low, high = about.pressures[held] if self._own_pressure else (one, one)
         return shared_tiles(network, self.seed, surface, counts, PressureLevels(low, high), held), unseen
+
+    @property
+    def _own_pressure(self) -> bool:
+        """Whether a network of many pressures is asked about the pair's own."""
+        return self.pressure in (None, "own")
 
     def _asked_or_learned(self, learned: Plates, tile_size: float) -> Plates:
         """The plates that are asked for; those of a model that is given, where none are."""

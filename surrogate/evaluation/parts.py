@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tupl
 
 def _between(values: Any, edges: Sequence[float]) -> Iterator[tuple[str, BoolArray]]:
     """Parts between edges, which the values' own range cuts off."""
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         rows = (values >= low) & (values < high)
         if rows.any():
             yield f"{max(low, values.min()):.3g}-{min(high, values.max()):.3g}", rows

@@ -26,6 +26,8 @@ LEAST_SPREAD = 1e-5
 """Lower bound of a standard deviation [-]."""
 FLOOR_UNIT = 1e-3
 """What the floor of the spread of b, and the spread of a, are counted in [-]."""
+CONSTANT_FORCE = 3
+"""Place of what is held while sliding among the features of a wide ensemble."""
 BEYOND = 0.1
 """How far a feature may lie outside those learned from, over their range [-]."""
 CONSTANT_UNIT = 0.01
@@ -207,8 +209,9 @@ class FoundationEnsemble(nn.Module):
         return torch.cat(means), torch.cat(spreads)
 
     def keeps_contact(self, features: Tensor) -> Tensor:
-        """Whether the plates keep in contact all along the slide, (pairs,); at constant force the least load is 1."""
-        return features[:, -1] > self.lost
+        """Whether the plates keep in contact all along the slide, (pairs,); at constant force they do."""
+        kept = features[:, -1] > self.lost
+        return kept | (features[:, CONSTANT_FORCE] > 0.5) if self.wide else kept
 
     def flags(self, features: Tensor) -> Tensor:
         """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""

@@ -25,7 +25,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 from ..data.plates import Plates
 from ..data.samples import Samples, content_hash, joined_samples, select_samples
 from ..errors import TrainingError
-from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
+from .checkpoint import Architecture, CNNOptions, Control, EnsembleOptions, Model, Provenance
 from .dataset import STEEL, Faces, Pairs, joined, pair_tensors, split_by_family
 from .descent import Curves, Descent, Watch, descend
 from .devices import chosen_device
@@ -112,7 +112,7 @@ def train_network(
         options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant, wide=wide)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
     if wide:
-        provenance = _widened(provenance, samples, {each.control for _, each in sources})
+        provenance = _widened(provenance, samples, sources)
     provenance = msgspec.structs.replace(provenance, device=device)
     key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
     count = options.members if isinstance(options, CNNOptions) else 1
@@ -269,8 +269,11 @@ def _provenance(
     )
 
 
-def _widened(provenance: Provenance, samples: Samples, controls: set[str]) -> Provenance:
+def _widened(provenance: Provenance, samples: Samples, sources: Sequence[tuple[Samples, Plates]]) -> Provenance:
     """The provenance with all that pairs of a wide design differ in."""
+    pressures: dict[Control, list[FloatArray]] = {}
+    for some, plates in sources:
+        pressures.setdefault(msgspec.convert(plates.control, Control), []).append(some.pressure)
     forms = samples.form.astype(str)
     seeds = {
         str(form): _seeds(samples.wheel_seed[forms == form], samples.axle_seed[forms == form])
@@ -278,8 +281,7 @@ def _widened(provenance: Provenance, samples: Samples, controls: set[str]) -> Pr
     }
     return msgspec.structs.replace(
         provenance,
-        pressure=_range(samples.pressure),
-        controls=tuple(sorted(controls)),
+        pressures={control: _range(np.concatenate(some)) for control, some in sorted(pressures.items())},
         forms=tuple(seeds),
         lays=tuple(np.unique(samples.lay.astype(str)).tolist()),
         seeds_of_form=seeds,
