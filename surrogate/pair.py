@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
@@ -13,7 +14,7 @@ from meso.settings import FaceKeys
 
 from .data.faces import generated_face, read_face, rms_height
 from .errors import PredictionError
-from .network.checkpoint import Provenance, outside_training
+from .network.checkpoint import Control, Provenance, outside_training
 from .network.predict import Predictor
 from .network.score import QUANTILE_90
 
@@ -65,6 +66,8 @@ def predict_pair(
     levels: int,
     hurst_exponent: float,
     form: Form = "strip",
+    pressure: float | None = None,
+    control: Control | None = None,
 ) -> PairPrediction:
     """Make or read two faces, and predict the coefficients of their friction.
 
@@ -79,6 +82,8 @@ def predict_pair(
         levels: subdivisions of generated faces.
         hurst_exponent: H of generated faces [-].
         form: of generated faces; of strips a seed is 65536 times its number plus the place on it.
+        pressure: before the slide, on steel [MPa]; None: that of the network's plates.
+        control: what is held while sliding; None: as the plates of the program's default, or the network's.
 
     Raises:
         PredictionError: a file or a key that gives no face; a network of envelopes.
@@ -101,8 +106,15 @@ def predict_pair(
         findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
     micro = np.array(micro_friction)
     findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
+    held = control or ("displacement" if "displacement" in about.pressures else None)
+    asked = about.plates.pressure if pressure is None else pressure
+    if about.wide:
+        like = msgspec.structs.replace(about.plates, pressure=asked, control=held or about.plates.control)
+        findings += about.unlike(like)
     none = np.zeros(len(micro), dtype=np.int64)
-    answer = predictor(faces[0][None], faces[1][None], none, none, micro)
+    answer = predictor(faces[0][None], faces[1][None], none, none, micro, pressure, held)
+    if not answer.seen.all():
+        findings.append("the two faces together are unlike all pairs learned from")
     return PairPrediction(
         wheel=faces[0],
         axle=faces[1],

@@ -220,7 +220,7 @@ class FoundationEnsemble(nn.Module):
     def has_seen(self, features: Tensor) -> Tensor:
         """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""
         if not self.wide:
-            return torch.ones(len(features), dtype=torch.bool)
+            return torch.ones_like(features[:, 0], dtype=torch.bool)
         slack = BEYOND * (self.highest - self.lowest)
         return ((features >= self.lowest - slack) & (features <= self.highest + slack)).all(1)
 

@@ -15,6 +15,7 @@ from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 from ..errors import PredictionError
 from .checkpoint import Control, Model, Provenance, load_checkpoint
+from .devices import chosen_device
 from .model import Body, FoundationEnsemble
 from .shipped import NETWORK
 
@@ -44,16 +45,21 @@ class Predictor:
 
     Args:
         path: a checkpoint; the shipped network where it is left out.
+        device: device of torch; others than the processor differ by rounding.
 
     Raises:
         CheckpointError: it cannot be read, or is not what it says.
+        SurrogateError: there is no such device.
     """
 
     model: Model
     provenance: Provenance
+    device: str
 
-    def __init__(self, path: Path | None = None) -> None:
+    def __init__(self, path: Path | None = None, device: str = "cpu") -> None:
+        self.device = chosen_device(device)
         self.model, self.provenance = load_checkpoint(NETWORK if path is None else path)
+        self.model.to(self.device)
 
     def __call__(
         self,
@@ -90,9 +96,11 @@ class Predictor:
             if which.shape != wheel.shape or (which.size and not 0 <= which.min() <= which.max() < count):
                 raise PredictionError(f"pairs name {name}s that are not there, or more of them than of the other")
         wheel_faces, axle_faces = (
-            torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)) for heights in (wheels, axles)
+            torch.from_numpy(np.ascontiguousarray(heights, dtype=np.float32)).to(self.device)
+            for heights in (wheels, axles)
         )
-        first, second = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
+        each = (torch.from_numpy(np.ascontiguousarray(of, dtype=np.int64)) for of in (wheel, axle))
+        first, second = (of.to(self.device) for of in each)
         with torch.inference_mode():
             if isinstance(self.model, FoundationEnsemble):
                 load, free = self.conditions(len(first), pressure, control)
@@ -120,7 +128,7 @@ class Predictor:
                 "the network knows one load and one way to slide" if other else "a pressure is not a number above 0"
             )
         load = torch.from_numpy(np.asarray(loads, dtype=np.float32))
-        return load, torch.full((pairs,), held == "force")
+        return load.to(self.device), torch.full((pairs,), held == "force", device=self.device)
 
     def answer(self, laws: Tensor, flags: Tensor, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose laws are known; the same bits as from their faces.
@@ -144,13 +152,12 @@ class Predictor:
         none, flags = np.empty(0), np.empty(0, dtype=np.bool_)
         return Prediction(none, none, flags, flags)
 
-    @staticmethod
-    def _micros(micro: float | FloatArray, pairs: int) -> Tensor:
+    def _micros(self, micro: float | FloatArray, pairs: int) -> Tensor:
         """Micro coefficients (pairs, 1), in double precision: the answer is affine in them."""
         given = np.asarray(micro, dtype=np.float64)
         if not np.isfinite(given).all():
             raise PredictionError("a micro coefficient is not finite")
-        return torch.from_numpy(np.broadcast_to(given, pairs).copy())[:, None]
+        return torch.from_numpy(np.broadcast_to(given, pairs).copy())[:, None].to(self.device)
 
     def face_part(self, body: Body, face: Tensor) -> Tensor:
         """What the paper's network makes of a face [mm] by itself: all that is needed of it in any pair."""
@@ -177,8 +184,8 @@ class Predictor:
 
     def _parts(self, body: Body, faces: Tensor, which: Tensor) -> Tensor:
         """The parts of the face of each pair, each face once."""
-        distinct, row = np.unique(which.numpy(), return_inverse=True)
-        none = [torch.zeros(faces.shape[1:])]  # for the shape
+        distinct, row = np.unique(which.cpu().numpy(), return_inverse=True)
+        none = [torch.zeros(faces.shape[1:], device=self.device)]  # for the shape
         parts = torch.stack([self.face_part(body, face) for face in [faces[k] for k in distinct.tolist()] or none])
         return parts[torch.from_numpy(row)]
 
@@ -197,5 +204,5 @@ class Predictor:
 
 def _prediction(mean: Tensor, spread: Tensor, flags: Tensor) -> Prediction:
     """A record from columns (pairs, 1) and flags (pairs, 2)."""
-    in_contact, seen = flags.numpy().T
-    return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), in_contact, seen)
+    in_contact, seen = flags.cpu().numpy().T
+    return Prediction(mean[:, 0].double().cpu().numpy(), spread[:, 0].double().cpu().numpy(), in_contact, seen)

@@ -11,7 +11,7 @@ uses pairs that had no part in either.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -117,7 +117,7 @@ def train_network(
     key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
     count = options.members if isinstance(options, CNNOptions) else 1
     states = [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
-    there = _on(device, fit), _on(device, validation)
+    there = fit.to(device), validation.to(device)
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         trained = [_descended(options, there, seed + k, epochs, state, watch) for k, state in enumerate(states)]
     model = _gathered(options, [member for member, _ in trained]).requires_grad_(False).eval().to("cpu")
@@ -286,11 +286,6 @@ def _widened(provenance: Provenance, samples: Samples, sources: Sequence[tuple[S
         lays=tuple(np.unique(samples.lay.astype(str)).tolist()),
         seeds_of_form=seeds,
     )
-
-
-def _on(device: str, data: Pairs) -> Pairs:
-    """The pairs on a device."""
-    return Pairs(**{part.name: getattr(data, part.name).to(device) for part in fields(Pairs)})
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
