@@ -333,6 +333,8 @@ class TileNetwork:
     """Pairs predicted for inputs the network has not seen, by keys or by what it sees of the faces."""
     losing_contact: int
     """Pairs that are predicted to lose contact somewhere along the slide."""
+    asked_anew: int
+    """Pairs whose pressure has left the level at which they were asked before."""
 
     def __init__(
         self,
@@ -348,7 +350,8 @@ class TileNetwork:
         self.depends_on = frozenset({"tiles", "pressure"} if several else {"tiles"})
         about = tiles.predictor.provenance
         self._on_steel = 1.0 if youngs_modulus is None else about.at_modulus(1.0, youngs_modulus)
-        self.clipped = self.out_of_range = self.losing_contact = 0
+        self.clipped = self.out_of_range = self.losing_contact = self.asked_anew = 0
+        self._level = np.full(tiles.counts, -1, dtype=np.int16) if several else None  # of each pair, when last asked
         self._fallback = fallback
         self._last: _Answer | None = None
 
@@ -356,7 +359,7 @@ class TileNetwork:
     def counters(self) -> dict[str, int]:
         """Counts for the report of a run."""
         counts = {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
-        return counts | ({"asked_anew": self.tiles.asked_anew} if "pressure" in self.depends_on else {})
+        return counts | ({"asked_anew": self.asked_anew} if self._level is not None else {})
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -415,6 +418,10 @@ class TileNetwork:
         answer = _Answer(seat, bore, level, np.array(prediction.mean), np.array(prediction.spread))
         self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
         self._bound(answer)
+        if self._level is not None:
+            before = self._level[seat, bore]
+            self.asked_anew += int(((before >= 0) & (before != level)).sum())
+            self._level[seat, bore] = level
         self.losing_contact += int((~prediction.in_contact).sum())
         self.out_of_range += int((~prediction.seen).sum()) if self.trusted else seat.size
         return answer
