@@ -103,7 +103,7 @@ def train_network(
     """
     sources = _sources(((samples, plates), *beside))
     samples = joined_samples([some for some, _ in sources])
-    wide = bool(beside) or bool(np.ptp(samples.pressure))
+    wide = bool(beside) or len(np.unique(samples.pressure)) > 1
     fit, validation = _split_pairs(samples, sources, faces, points, seed)
     epochs = EPOCHS[architecture] if epochs is None else epochs
     device = chosen_device(device)

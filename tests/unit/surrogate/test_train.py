@@ -436,7 +436,10 @@ def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
 
 
 def test_the_load_of_the_database_counts() -> None:
-    light, heavy = (train_network(SAMPLES, plates=Plates(pressure=load), epochs=0, members=2) for load in (50.0, 170.0))
+    pressed = {load: replace(SAMPLES, pressure=np.full(len(SAMPLES), load)) for load in (50.0, 170.0)}
+    light, heavy = (
+        train_network(samples, plates=Plates(pressure=load), epochs=0, members=2) for load, samples in pressed.items()
+    )
     assert isinstance(light.provenance.options, EnsembleOptions)
     assert light.provenance.options.load == 50.0
     assert not torch.equal(light.model.state_dict()["last_bias"], heavy.model.state_dict()["last_bias"])
