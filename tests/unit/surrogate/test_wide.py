@@ -11,7 +11,8 @@ import torch
 
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, TilePairs, build
-from meso.settings import FaceKeys
+from meso.friction_test import run
+from meso.settings import FaceKeys, load
 from meso.surfaces.face import rough_face
 from surrogate.data.design import Design
 from surrogate.data.faces import generated_face
@@ -100,8 +101,8 @@ def test_at_constant_force_a_ramp_costs_its_slope(slope: float) -> None:
     """A flat face on a ramp is lifted by slope x slide: b is the slope, whatever the stiffness and the load."""
     x = torch.linspace(0.0, 2.0, 33)[:, None].expand(33, 17)
     faces = torch.zeros(1, 17, 17), (slope * x)[None].clone()
-    for load in (30.0, 300.0):
-        slide = Foundation([3e4, 1e5], 170.0).slide(*faces, torch.tensor([load]), torch.tensor([True]))
+    for force in (30.0, 300.0):
+        slide = Foundation([3e4, 1e5], 170.0).slide(*faces, torch.tensor([force]), torch.tensor([True]))
         assert slide.b[0].tolist() == pytest.approx([slope, slope], abs=2e-6)
         assert slide.load[0].tolist() == pytest.approx([1.0, 1.0], abs=1e-4)
         assert slide.least[0].tolist() == pytest.approx([1.0, 1.0], abs=1e-4)
@@ -110,12 +111,12 @@ def test_at_constant_force_a_ramp_costs_its_slope(slope: float) -> None:
 def test_pairs_of_both_kinds_and_of_many_loads_go_together() -> None:
     rng = torch.Generator().manual_seed(1)
     wheel, axle = 0.004 * torch.rand(4, 17, 17, generator=rng), 0.004 * torch.rand(4, 33, 17, generator=rng)
-    load, free = torch.tensor([30.0, 170.0, 30.0, 300.0]), torch.tensor([True, False, False, True])
+    force, free = torch.tensor([30.0, 170.0, 30.0, 300.0]), torch.tensor([True, False, False, True])
     foundation = Foundation([3e4, 1e5], 170.0)
-    together = foundation.slide(wheel, axle, load, free)
+    together = foundation.slide(wheel, axle, force, free)
     for pair in range(4):
         row = slice(pair, pair + 1)
-        alone = foundation.slide(wheel[row], axle[row], load[row], free[row])
+        alone = foundation.slide(wheel[row], axle[row], force[row], free[row])
         for one, all_of_them in zip(alone, together, strict=True):
             assert one[0].tolist() == pytest.approx(all_of_them[pair].tolist(), rel=1e-4, abs=1e-7)
 
@@ -124,6 +125,18 @@ def test_load_goes_with_pressure_over_modulus() -> None:
     on_steel = Plates().on_steel(np.array([170.0]))
     assert on_steel == pytest.approx(170.0)
     assert Plates(youngs_modulus=70e3).on_steel(np.array([170.0 * 70.0 / 206.0])) == pytest.approx(on_steel)
+
+
+def test_plates_depend_on_pressure_over_modulus_alone() -> None:
+    coefficients = []
+    for pressure, modulus in ((150.0, 206e3), (50.0, 206e3 / 3.0), (75.0, 206e3)):
+        keys = {"load.pressure": pressure, "material.youngs_modulus": modulus, "plates.spheres": 400}
+        keys |= {"engine.increment": 0.05, "load.control": "force"}
+        (slide,) = run(load(None, [f"{key}={value}" for key, value in keys.items()])).slides
+        coefficients.append(slide.curve.coefficient)
+    hard, soft, light = coefficients
+    assert soft == pytest.approx(hard, rel=1e-6)
+    assert light != pytest.approx(hard, rel=1e-4)
 
 
 # The network that comes with the package
