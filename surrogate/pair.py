@@ -83,7 +83,7 @@ def predict_pair(
         hurst_exponent: H of generated faces [-].
         form: of generated faces; of strips a seed is 65536 times its number plus the place on it.
         pressure: before the slide, on steel [MPa]; None: that of the network's plates.
-        control: what is held while sliding; None: as the plates of the program's default, or the network's.
+        control: what is held while sliding; None: the height where the network knows that.
 
     Raises:
         PredictionError: a file or a key that gives no face; a network of envelopes.
@@ -96,25 +96,14 @@ def predict_pair(
     keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
     files: tuple[tuple[Body, Path | None, int], ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
     faces = [_face(body, file, seed, about.points, keys) for body, file, seed in files]
-    findings: list[str] = []
-    for face, (body, file, _) in zip(faces, files, strict=True):
-        findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
-    if wheel is None or axle is None:
-        findings += other_faces(about, keys)
-    highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
-    if (wheel is not None or axle is not None) and highest > 1.5e3 * about.max_height[1]:
-        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+    findings = _unseen_faces(about, faces, files, keys)
     micro = np.array(micro_friction)
     findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
-    held = control or ("displacement" if "displacement" in about.pressures else None)
-    asked = about.plates.pressure if pressure is None else pressure
-    if about.wide:
-        like = msgspec.structs.replace(about.plates, pressure=asked, control=held or about.plates.control)
-        findings += about.unlike(like)
+    held, unlike = _asked_slide(about, pressure, control)
     none = np.zeros(len(micro), dtype=np.int64)
     answer = predictor(faces[0][None], faces[1][None], none, none, micro, pressure, held)
-    if not answer.seen.all():
-        findings.append("the two faces together are unlike all pairs learned from")
+    findings += unlike
+    findings += [] if answer.seen.all() else ["the two faces together are unlike all pairs learned from"]
     return PairPrediction(
         wheel=faces[0],
         axle=faces[1],
@@ -124,6 +113,36 @@ def predict_pair(
         in_contact=bool(answer.in_contact.all()),
         outside=findings,
     )
+
+
+def _unseen_faces(
+    about: Provenance,
+    faces: list[HeightArray],
+    files: tuple[tuple[Body, Path | None, int], ...],
+    keys: FaceKeys,
+) -> list[str]:
+    """How faces lie outside those the network has seen, in words."""
+    given = [file is not None for _, file, _ in files]
+    findings: list[str] = []
+    for face, (body, file, _) in zip(faces, files, strict=True):
+        findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
+    if not all(given):
+        findings += other_faces(about, keys)
+    highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
+    if any(given) and highest > 1.5e3 * about.max_height[1]:
+        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+    return findings
+
+
+def _asked_slide(
+    about: Provenance, pressure: float | None, control: Control | None
+) -> tuple[Control | None, list[str]]:
+    """What is held while sliding, and how the load lies outside what the network has seen, in words."""
+    if not about.wide:
+        return control, []
+    held: Control = control or ("displacement" if "displacement" in about.pressures else "force")
+    asked = about.plates.pressure if pressure is None else pressure
+    return held, about.unlike(msgspec.structs.replace(about.plates, pressure=asked, control=held))
 
 
 def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:

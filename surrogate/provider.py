@@ -295,14 +295,10 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class _Answer(NamedTuple):
-    """Coefficients of m distinct pairs, sorted by seat tile, bore tile and level: five arrays of shape (m,)."""
+    """Coefficients of m distinct pairs: arrays of shape (m,)."""
 
-    seat: IntArray
-    """Number of the seat tile."""
-    bore: IntArray
-    """Number of the bore tile."""
-    level: IntArray
-    """Level of the pressure."""
+    pairs: tuple[IntArray, IntArray, IntArray]
+    """Seat tile, bore tile and level of the pressure of each, sorted."""
     mean: FloatArray
     """mu [-], 0 <= mu < 2."""
     spread: FloatArray
@@ -401,21 +397,21 @@ class TileNetwork:
         shape = tuple(max(1, len(values)) for values, _ in columns)
         distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
         places = np.unravel_index(distinct, shape)
-        asked = [values[at] for (values, _), at in zip(columns, places, strict=True)]
+        seat, bore, level = (values[at] for (values, _), at in zip(columns, places, strict=True))
         last = self._last
-        if last is None or not all(np.array_equal(old, new) for old, new in zip(last[:3], asked, strict=True)):
-            self._last = last = self._predicted(*asked)
+        if last is None or not all(map(np.array_equal, last.pairs, (seat, bore, level))):
+            self._last = last = self._predicted(seat, bore, level)
         return last, which
 
     def _predicted(self, seat: IntArray, bore: IntArray, level: IntArray) -> _Answer:
         """The answers to distinct pairs."""
         if not seat.size:
-            return _Answer(seat, bore, level, np.empty(0), np.empty(0))
+            return _Answer((seat, bore, level), np.empty(0), np.empty(0))
         try:
             prediction = self.tiles.predict(seat, bore, self.options.micro_friction, level)
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
-        answer = _Answer(seat, bore, level, np.array(prediction.mean), np.array(prediction.spread))
+        answer = _Answer((seat, bore, level), np.array(prediction.mean), np.array(prediction.spread))
         self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
         self._bound(answer)
         if self._level is not None:
@@ -430,14 +426,15 @@ class TileNetwork:
         """Have the pairs numbered `doubted` answered by the other provider, if there is one."""
         if doubted.size and self._fallback is not None:
             unused = np.zeros(doubted.size)
-            pairs = TilePairs(answer.seat[doubted], answer.bore[doubted], unused, unused)
+            seat, bore, _ = answer.pairs
+            pairs = TilePairs(seat[doubted], bore[doubted], unused, unused)
             answer.mean[doubted], answer.spread[doubted] = answered(self._fallback(), pairs, "dem")
 
     def _bound(self, answer: _Answer) -> None:
         """Bring the coefficients within the contract."""
         wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST_FRICTION))
         if wrong.size and not self.clipped:
-            seat, bore, _, mean, spread = (column[wrong[0]] for column in answer)
+            seat, bore, mean, spread = (column[wrong[0]] for column in (*answer.pairs[:2], answer.mean, answer.spread))
             warnings.warn(
                 f"friction provider 'surrogate': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
                 f"{mean:.4f} +- {spread:.4f} and is taken as {min(2, max(0, round(mean)))}, and so will others be",

@@ -76,9 +76,7 @@ def train_network(
     resume: Path | None = None,
     watch: Watch | None = None,
 ) -> Trained:
-    """Train a network on 70 % of the samples, by families of surfaces.
-
-    The same seed gives the same bits on one machine with as many threads. Torch's global generator is left as it was.
+    """Train a network on 70 % of the samples, by families of surfaces; the same seed gives the same bits.
 
     Args:
         samples: friction tests of a database.
@@ -89,7 +87,7 @@ def train_network(
         beside: samples of more databases with their plates, of other pressures or held otherwise while sliding.
         members: networks in the ensemble, of `energy`.
         width: hidden units of its perceptrons.
-        constant: `energy` has a constant in b; by default for plates with a speed, whose damping takes energy.
+        constant: `energy` has a constant in b; by default for plates with a speed.
         seeds: networks of `paper`, one after the other from `seed`, `seed` + 1 and so on; several make an ensemble.
         points: points of a wheel's face along its edge, a part of those of the samples; see `pair_tensors`.
         epochs: upper bound.
@@ -98,35 +96,30 @@ def train_network(
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: too few samples, values that are not finite, plates not of 1 mm, unsuitable `points`, databases
-            that do not go together, no such device.
+        SurrogateError: nothing can be learned from the samples, or there is no such device.
     """
     sources = _sources(((samples, plates), *beside))
     samples = joined_samples([some for some, _ in sources])
-    wide = bool(beside) or len(np.unique(samples.pressure)) > 1
     fit, validation = _split_pairs(samples, sources, faces, points, seed)
-    epochs = EPOCHS[architecture] if epochs is None else epochs
-    device = chosen_device(device)
+    epochs, device = EPOCHS[architecture] if epochs is None else epochs, chosen_device(device)
     options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1], members=seeds)
     if architecture == "energy":
+        wide = _is_wide(sources)
         options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant, wide=wide)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
-    if wide:
-        provenance = _widened(provenance, samples, sources)
-    provenance = msgspec.structs.replace(provenance, device=device)
+    provenance = _widened(msgspec.structs.replace(provenance, device=device), samples, sources)
     key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
-    count = options.members if isinstance(options, CNNOptions) else 1
-    states = [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
+    states = _states(resume, key, options.members if isinstance(options, CNNOptions) else 1)
     there = fit.to(device), validation.to(device)
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         trained = [_descended(options, there, seed + k, epochs, state, watch) for k, state in enumerate(states)]
-    model = _gathered(options, [member for member, _ in trained]).requires_grad_(False).eval().to("cpu")
+    model = _gathered(options, [member for member, _ in trained])
     scores = _judge(model, validation)
     for state in states:
         state.remove()
     about = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
-    curves, *others = (loss for _, loss in trained)
-    return Trained(model=model, provenance=about, curves=curves, scores=scores, others=tuple(others))
+    curves, others = trained[0][1], tuple(loss for _, loss in trained[1:])
+    return Trained(model=model, provenance=about, curves=curves, scores=scores, others=others)
 
 
 def _descended(
@@ -148,12 +141,12 @@ def _descended(
 def _gathered(options: EnsembleOptions | CNNOptions, models: Sequence[Model]) -> Model:
     """The network of the options, of the members that were trained."""
     if len(models) == 1:
-        return models[0]
+        return models[0].requires_grad_(False).eval().to("cpu")
     whole = options.build_network()
     assert isinstance(whole, LallemanEnsemble)
     for member, trained in zip(whole.members, models, strict=True):
         member.load_state_dict(trained.state_dict())
-    return whole
+    return whole.requires_grad_(False).eval()
 
 
 def _judge(model: Model, validation: Pairs) -> Scores:
@@ -162,6 +155,11 @@ def _judge(model: Model, validation: Pairs) -> Scores:
         measure_residual(model, validation)
     calibrate_spread(model, validation)
     return score_network(model, validation)
+
+
+def _states(resume: Path | None, key: str, count: int) -> list[TrainingState]:
+    """The state of the training of each member."""
+    return [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
 
 
 def _state_file(resume: Path | None, number: int) -> Path | None:
@@ -193,6 +191,11 @@ def _sources(databases: Sequence[tuple[Samples, Plates]]) -> list[tuple[Samples,
         if samples.micro_friction.shape[1] != databases[0][0].micro_friction.shape[1]:
             raise TrainingError("the databases do not go together: take as many micro coefficients per pair in all")
     return [(select_samples(samples, np.flatnonzero(samples.remark == b"")), plates) for samples, plates in databases]
+
+
+def _is_wide(sources: Sequence[tuple[Samples, Plates]]) -> bool:
+    """Whether pairs differ in pressure, or in what was held while sliding."""
+    return len(sources) > 1 or len(np.unique(sources[0][0].pressure)) > 1
 
 
 def _split_pairs(
@@ -270,7 +273,9 @@ def _provenance(
 
 
 def _widened(provenance: Provenance, samples: Samples, sources: Sequence[tuple[Samples, Plates]]) -> Provenance:
-    """The provenance with all that pairs of a wide design differ in."""
+    """The provenance with all that pairs of a wide design differ in; as it is for others."""
+    if not _is_wide(sources):
+        return provenance
     pressures: dict[Control, list[FloatArray]] = {}
     for some, plates in sources:
         pressures.setdefault(msgspec.convert(plates.control, Control), []).append(some.pressure)
