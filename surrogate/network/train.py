@@ -91,7 +91,7 @@ def train_network(
         seeds: networks of `paper`, one after the other from `seed`, `seed` + 1 and so on; several make an ensemble.
         points: points of a wheel's face along its edge, a part of those of the samples; see `pair_tensors`.
         epochs: upper bound.
-        device: device of torch, see `devices.chosen`; a GPU where there is one and it is left out.
+        device: device of torch; a GPU where there is one and it is left out.
         resume: file for the state of the training, from which the same one goes on to the same bits.
         watch: told epoch, training and validation loss as they come.
 
@@ -104,12 +104,10 @@ def train_network(
     epochs, device = EPOCHS[architecture] if epochs is None else epochs, chosen_device(device)
     options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1], members=seeds)
     if architecture == "energy":
-        wide = _is_wide(sources)
-        options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant, wide=wide)
+        options = _ensemble_options(fit, faces, sources, members=members, width=width, constant=constant)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
     provenance = _widened(msgspec.structs.replace(provenance, device=device), samples, sources)
-    key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
-    states = _states(resume, key, options.members if isinstance(options, CNNOptions) else 1)
+    states = _states(resume, f"{faces} {points} {provenance.database} {device} {torch.__version__}", options, seed)
     there = fit.to(device), validation.to(device)
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         trained = [_descended(options, there, seed + k, epochs, state, watch) for k, state in enumerate(states)]
@@ -117,9 +115,9 @@ def train_network(
     scores = _judge(model, validation)
     for state in states:
         state.remove()
-    about = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
-    curves, others = trained[0][1], tuple(loss for _, loss in trained[1:])
-    return Trained(model=model, provenance=about, curves=curves, scores=scores, others=others)
+    provenance = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
+    curves, *others = (loss for _, loss in trained)
+    return Trained(model=model, provenance=provenance, curves=curves, scores=scores, others=tuple(others))
 
 
 def _descended(
@@ -157,8 +155,10 @@ def _judge(model: Model, validation: Pairs) -> Scores:
     return score_network(model, validation)
 
 
-def _states(resume: Path | None, key: str, count: int) -> list[TrainingState]:
+def _states(resume: Path | None, key: str, options: EnsembleOptions | CNNOptions, seed: int) -> list[TrainingState]:
     """The state of the training of each member."""
+    count = options.members if isinstance(options, CNNOptions) else 1
+    key = f"{options} {seed} {key}"
     return [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
 
 
@@ -224,9 +224,16 @@ def _check_pairs(data: Pairs) -> None:
 
 
 def _ensemble_options(
-    fit: Pairs, faces: Faces, plates: Plates, *, members: int, width: int, constant: bool | None, wide: bool
+    fit: Pairs,
+    faces: Faces,
+    sources: Sequence[tuple[Samples, Plates]],
+    *,
+    members: int,
+    width: int,
+    constant: bool | None,
 ) -> EnsembleOptions:
     """Options of the ensemble on foundations; an error where the points of a face do not divide a slide equally."""
+    plates, wide = sources[0][1], _is_wide(sources)
     constant = plates.dynamic if constant is None else constant
     options = EnsembleOptions(
         stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant, wide=wide
