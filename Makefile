@@ -19,13 +19,15 @@ BUILT := .venv/.$(RELEASE)
 # libopenblas0-serial: the reference BLAS is several times slower in the factorisations.
 # The libraries of the last line are what the gmsh module loads, window or not.
 PACKAGES := python3-venv python3-dolfinx-real python3-gmsh python3-scipy python3-numba \
-	python3-matplotlib python3-meshio python3-h5py-mpi python3-pytest python3-click \
+	python3-matplotlib python3-meshio python3-h5py-mpi python3-pytest python3-click python3-jinja2 \
 	openmpi-bin libopenblas0-serial libmetis5 \
 	libegl1 libgl1 libxrender1 libxcursor1 libgomp1
 PACKAGES_debian-12 := libcholmod3
 # There the parallel h5py is empty without the serial one, and torch is a package of the distribution.
 PACKAGES_debian-13 := libcholmod5 python3-h5py
 TORCH_debian-13 := python3-torch python3-safetensors
+# The browser in which the tests read the report's page.
+BROWSER := chromium
 # What any other release must have.
 MODULES := venv dolfinx petsc4py mpi4py gmsh scipy numba matplotlib meshio h5py
 
@@ -43,7 +45,7 @@ export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 # Packages in a home directory must not shadow those of the distribution.
 export PYTHONNOUSERSITE := 1
 
-.PHONY: help setup setup-network setup-test system system-torch demo test fresh bench bench-check networks measures lint clean
+.PHONY: help setup setup-network setup-test setup-docs system system-torch system-test demo test fresh bench bench-check networks docs measures lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -52,16 +54,15 @@ setup: system $(BUILT) ## install what is missing and build .venv (no torch)
 
 setup-network: system-torch $(BUILT)-network ## the same, with torch for the network
 
-setup-test: system-torch $(BUILT)-test ## the same, with the development tools too
+setup-test: system-test $(BUILT)-test ## the same, with the development tools too
+
+setup-docs: system $(BUILT)-docs ## what `make setup` does, and what builds the manual
 
 demo: setup-network ## press the built-in wheelset on uniform friction, on plates as published and on slow ones
 	@(set -x; $(BIN)/macrofit study wheelset --set friction.provider=surrogate \
 	    --set friction.options.micro_friction=0.07 --vary friction.options.plates=as-published,slow \
 	    --reference uniform=0.11 --set 'output.fields_at=[22,180]' --keep -o demo)
-	echo "Plates as published, slid near the resonance of their own beams, lose enough there to behave like a uniform"
-	echo "coefficient of 0.11. Slid slowly, as a press does, the same micro coefficient of 0.07 gives little over 0.07."
-	echo "The figures are:"
-	ls -1 demo/*.png demo/runs/*/*.png
+	$(BIN)/python docs/examples/demo_page.py demo
 
 # Files of tests are dealt out to as many processes as there are cores; PROCESSES=0 runs them in one.
 TESTS := tests
@@ -87,7 +88,7 @@ PRESETS := slow as-published
 PAIRS := 1000
 MODELS := surrogate/network/models
 DATA := build/networks
-UNSEEN := --packings 3 --first-surface 31000 --first-packing 2000 --micro-friction 0.03,0.05,0.07,0.09 --set surface.form=tiles
+UNSEEN := --packings 3 --first-surface 31000 --first-packing 2000 --micro-friction 0.03,0.05,0.07,0.09
 WIDE_PAIRS := 1200
 WIDE_UNSEEN := --packings 3 --first-surface 41000 --first-packing 2000 --micro-friction 0.02,0.06,0.12,0.3
 networks: setup-network ## make the shipped networks anew from friction tests of theirs (an hour); PRESETS=slow for some
@@ -119,6 +120,10 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	    esac
 	    surrogate evaluate --preset $$preset -o $$made-evaluated
 	done
+
+docs: setup-docs ## the manual as a site that needs no network, build/site/index.html; a warning fails
+	@$(BIN)/mkdocs build --strict
+	echo "Open build/site/index.html"
 
 measures: setup-test ## print how the code is divided, how long, typed and documented it is, and the bars
 	$(BIN)/python -m tests.code_measures --places
@@ -166,8 +171,9 @@ endef
 # Asks the package database each time, and touches the system only when something is missing.
 system: WANTED := $(PACKAGES) $(PACKAGES_$(RELEASE))
 system-torch: WANTED := $(PACKAGES) $(PACKAGES_$(RELEASE)) $(TORCH_$(RELEASE))
+system-test: WANTED := $(PACKAGES) $(PACKAGES_$(RELEASE)) $(TORCH_$(RELEASE)) $(BROWSER)
 ifneq ($(PACKAGES_$(RELEASE)),)
-system system-torch:
+system system-torch system-test:
 	@$(FUNCTIONS)
 	present=$$(dpkg-query -W -f='$${db:Status-Abbrev} $${Package}\n' $(WANTED) 2> /dev/null | sed -n 's/^ii *//p' || true)
 	missing=$$(comm -23 <(printf '%s\n' $(WANTED) | sort -u) <(sort -u <<< "$$present") | paste -sd ' ')
@@ -187,7 +193,7 @@ system system-torch:
 	echo "Installing Debian packages: $${load:-nobody knows how much} to load, about $$minutes min"
 	quietly "Debian packages" $$apt install -y -qq $$missing
 else
-system system-torch:
+system system-torch system-test:
 	@$(FUNCTIONS)
 	lacks=$$($(PYTHON) -c 'from importlib.util import find_spec; import sys;
 	    print(*(name for name in sys.argv[1:] if not find_spec(name)))' $(MODULES) 2> /dev/null) || lacks=everything
@@ -214,4 +220,9 @@ $(BUILT)-network: $(BUILT)
 $(BUILT)-test: $(BUILT)
 	@$(FUNCTIONS)
 	with_torch surrogate,dev
+	touch $@
+
+$(BUILT)-docs: $(BUILT)
+	@$(FUNCTIONS)
+	quietly "Python packages" $(PIP) --no-build-isolation -e ".[docs]"
 	touch $@

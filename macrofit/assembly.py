@@ -16,8 +16,9 @@ from .errors import SceneError
 from .friction import BuildContext, FrictionField, ScriptFriction, build_provider
 from .parallel import SharedAsk, owner, summed
 from .plasticity.material import hardening
-from .press import TILE, Engine, tiles
+from .press import Engine
 from .scene.keys import Scene
+from .solution import TILE, tiles
 
 if TYPE_CHECKING:
     from .bodies.stress import StressEvaluator

@@ -20,6 +20,8 @@ from .scene import load_scene
 
 EXIT_CODES = {"accepted": 0, "refused": 1, "undecided": 2}
 """What `macrofit judge` ends with."""
+LARGEST_INTERFERENCE = 0.02
+"""Of the diameter [-]; steel yields at a tenth of it."""
 MOST_BYTES = 10_000_000
 """Size of a summary.json; one has a few thousand."""
 
@@ -41,8 +43,11 @@ def carry_out_judgement(
     standard: str | None = None,
     wheel: str | None = None,
     target: Path | None = None,
+    as_json: bool = False,
 ) -> tuple[list[str], int]:
     """Judge a curve or a run, write the verdict to ``target`` as JSON, give its lines and the exit code.
+
+    With ``as_json`` the lines are the same JSON.
 
     Raises:
         MacrofitError: the curve, the folder, the standard or the target is not what it should be.
@@ -54,6 +59,8 @@ def carry_out_judgement(
         taken, verdict = _of_curve(source, seat, reading, rules, wheel)
     if target is not None:
         write_json(target, msgspec.to_builtins(verdict))
+    if as_json:
+        return [msgspec.json.format(msgspec.json.encode(verdict), indent=2).decode()], EXIT_CODES[verdict.word]
     return [f"Curve           {taken}", *lines(verdict)], EXIT_CODES[verdict.word]
 
 
@@ -80,9 +87,30 @@ def _of_curve(path: Path, seat: Seat, reading: Reading, rules: Standard, wheel: 
         missing = [f"--{name} MM" for name in ("diameter", "length") if getattr(seat, name) is None]
         raise OutputError(f"{path}: say what fit the curve is of: {' and '.join(missing)}, as --diameter 190")
     measured = read_measured(path, reading)
+    _check_seat(path, measured, seat.diameter, seat.length, seat.interference or 0.0)
     _check_units(path, measured, seat.length, (rules.window(wheel)[1].high or 0.0) * seat.diameter)
     fit = measured_fit(seat.diameter, seat.length, measured.displacement, measured.force, seat.interference)
     return measured.taken, judge(fit, rules, wheel)
+
+
+def _check_seat(path: Path, measured: Measured, diameter: float, length: float, interference: float) -> None:
+    """Refuse dimensions [mm] that are in other units: no fit has them, and none has such a curve.
+
+    Raises:
+        OutputError: the dimension that is.
+    """
+    way = float(np.ptp(measured.displacement))
+    if interference > LARGEST_INTERFERENCE * diameter:
+        raise OutputError(
+            f"--interference {interference:g}: {interference:g} mm are too much for a diameter of {diameter:g} mm; "
+            f"--diameter, --length and --interference are in mm"
+        )
+    for name, value, other in (("diameter", diameter, length), ("length", length, diameter)):
+        if not other / FAR < value or ("mm" not in measured.assumed and not way / FAR < value):
+            raise OutputError(
+                f"--{name} {value:g}: {value:g} mm are no {name} of a fit that is pressed {way:.4g} mm in {path}; "
+                f"--diameter, --length and --interference are in mm"
+            )
 
 
 def _check_units(path: Path, measured: Measured, length: float, force: float) -> None:
@@ -112,22 +140,25 @@ def _of_folder(folder: Path, seat: Seat, reading: Reading, rules: Standard, whee
         )
     scene = load_scene(folder / SCENE)
     displacement, force = read_curve(folder)
-    verdict, reason = judge_scene(scene, displacement, force, _largest_stresses(folder / SUMMARY), rules, wheel)
+    largest, holds = _of_summary(folder / SUMMARY)
+    verdict, reason = judge_scene(scene, displacement, force, largest, rules, wheel, holds)
     if verdict is None:
         raise OutputError(f"{folder}: cannot be judged: {reason}")
     return f"{folder / CURVE}: {len(force)} increments", verdict
 
 
-def _largest_stresses(path: Path) -> dict[str, float]:
-    """Largest von Mises stress of each body [MPa]; none where the run did not end.
+def _of_summary(path: Path) -> tuple[dict[str, float], float | None]:
+    """Largest von Mises stress of each body [MPa] and the force that the fit holds [N]; none where the run did not end.
 
     Raises:
         OutputError: the file is damaged.
     """
     if not path.is_file():
-        return {}
+        return {}, None
     try:
         numbers: Any = msgspec.json.decode(read_regular(path, MOST_BYTES))
-        return {body: float(at["value"]) for body, at in numbers["max_von_mises_MPa"].items()}
+        held = numbers.get("holding")
+        holds = None if held is None else min(float(held["push_off_N"]), float(held["pull_off_N"]))
+        return {body: float(at["value"]) for body, at in numbers["max_von_mises_MPa"].items()}, holds
     except (msgspec.MsgspecError, ValueError, KeyError, TypeError, AttributeError):
         raise OutputError(f"{path}: is not a summary of macrofit; compute the run again") from None

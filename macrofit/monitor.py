@@ -99,19 +99,28 @@ class Lines:
 
 
 class Progress:
-    """A live bar with displacement, force and the time left, for a terminal."""
+    """A live bar with displacement, force and the time left, for a terminal.
 
-    def __init__(self) -> None:
+    Args:
+        planned: increments, to show the bar at once, while the bodies are made; 0: when they are ready.
+    """
+
+    def __init__(self, planned: int = 0) -> None:
         self._bar = Bar(
             "{task.description}", "BarColumn", "MofNCompleteColumn", "{task.fields[place]}", "TimeRemainingColumn",
             expand=True,
         )  # fmt: skip
-        self._total = 0
+        self._total, self._ready = planned, False
+        if planned:
+            self._bar.start(planned, description="meshing and factoring", place="")
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
-        """Show the bar at its start."""
-        self._total = total_increments
-        self._bar.start(total_increments, description=f"{dofs} dofs", place="")
+        """Show the bar at its start, or say on it that the bodies are ready."""
+        self._total, self._ready = total_increments, True
+        if self._bar.shown:
+            self._bar.update(total=total_increments, description=f"{dofs} dofs", at_once=True)
+        else:
+            self._bar.start(total_increments, description=f"{dofs} dofs", place="")
 
     def increment(self, record: Increment) -> None:
         """Move the bar by what is done."""
@@ -119,8 +128,8 @@ class Progress:
         self._bar.update(completed=min(record.index + 1, self._total), place=place)
 
     def finished(self) -> None:
-        """Draw the bar a last time and give the terminal back."""
-        self._bar.stop()
+        """Draw the bar a last time and give the terminal back; one that never moved is taken away."""
+        self._bar.stop(keep=self._ready)
 
 
 def lines_of_first(comm: MPI.Comm, *, quiet: bool) -> Callable[[str], None]:
@@ -128,7 +137,10 @@ def lines_of_first(comm: MPI.Comm, *, quiet: bool) -> Callable[[str], None]:
     return say if comm.rank == 0 and not quiet else lambda line: None
 
 
-def on_screen(*, quiet: bool) -> Monitor:
-    """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing."""
-    ways: tuple[Callable[[], Monitor], ...] = (Progress, Lines, Silent)
+def on_screen(*, quiet: bool, planned: int = 0) -> Monitor:
+    """The monitor that suits the standard output: a live bar on a terminal, lines elsewhere, or nothing.
+
+    With so many increments ``planned`` the bar is there at once.
+    """
+    ways: tuple[Callable[[], Monitor], ...] = (lambda: Progress(planned), Lines, Silent)
     return suited(*ways, quiet=quiet)

@@ -13,6 +13,7 @@ import numpy as np
 
 from .base.arrays import FloatArray
 from .bodies.body import ContactLine
+from .contact.cooling import cooled, heat_work, thermal_slip, warmed
 from .contact.eigen import Eigen, shifted
 from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
@@ -24,16 +25,14 @@ from .errors import ConvergenceError
 from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
-from .solution import FacetState, Increment, PairFrictionMap, Tiling
-from .state import State, Step, accepted
+from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
+from .state import State, Step, accepted, nothing_touches, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
 
 REACH = 1.5
 """Facets at the ends are left out where their gap is wider than this times the deepest interpenetration."""
-
-TILE = 1.0  # mm, length of a friction tile
 
 
 class Engine(Protocol):
@@ -79,6 +78,8 @@ class Press:
             sign=moments,
             kappa=moments.astype(np.float64),
             held=moments.astype(np.float64),
+            shear=moments.astype(np.float64),
+            thermal_strain=self.scene.thermal_strain_at(0),
             flow=None if self.yielding is None else self.yielding.rest(),
         )
 
@@ -93,7 +94,8 @@ class Press:
         """
         for index, displacement in enumerate(self.scene.displacements[first:], start=first):
             started = time.perf_counter()
-            before, (steps, cutbacks) = state, self.advance_to(state, displacement)
+            strain = self.scene.thermal_strain_at(index)
+            before, (steps, cutbacks) = state, self.advance_to(state, displacement, strain)
             state = self._committed(before, steps[-1].state)
             yield accepted(index, before, steps, cutbacks, time.perf_counter() - started), state
         planned = len(self.scene.displacements)
@@ -124,8 +126,12 @@ class Press:
         changes = [state.changes or {} for state in states]
         return replace(states[-1], flow=self.yielding.restored(changes, states[-1].displacement - before))
 
-    def advance_to(self, state: State, displacement: float) -> tuple[list[Step], int]:
+    def advance_to(
+        self, state: State, displacement: float, thermal_strain: float | None = None
+    ) -> tuple[list[Step], int]:
         """The converged steps that lead to a displacement: one, or several shorter ones after cutbacks.
+
+        The wheel gets its thermal strain in the first of them; left out, it keeps the one it has.
 
         Raises:
             ConvergenceError: a step would get shorter than 2^-max_cutbacks of the increment.
@@ -135,7 +141,7 @@ class Press:
         halvings = cutbacks = 0
         target = displacement
         while True:
-            step = self.trial(state, target)
+            step = self.trial(state, target, thermal_strain)
             if step.report.converged:
                 steps.append(step)
                 state = step.state
@@ -145,10 +151,11 @@ class Press:
                 halvings, cutbacks = halvings + 1, cutbacks + 1
                 if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
                     remedy = self._remedy(step)
+                    cools = thermal_strain not in (None, state.thermal_strain)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
-                        f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try a smaller motion.increment, "
-                        f"or {remedy}"
+                        f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
+                        f"{'a larger motion.cooling' if cools else 'a smaller motion.increment'}, or {remedy}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
@@ -160,26 +167,31 @@ class Press:
             return "material.hardening or less friction, for plastic strain and contact did not settle"
         return "contact.gamma0 nearer to 10" if self.seat.nitsche else "contact.penalty_stiffness"
 
-    def trial(self, state: State, displacement: float) -> Step:
+    def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """Solve one displacement from a committed state, which is left as it is.
 
         Ends of the lines that stand wide open are left out, unless the bodies turn out to move as far as that.
         """
-        coupling = couple_lines(self.seat.line, self.bore, displacement, REACH)
+        strain = state.thermal_strain if thermal_strain is None else thermal_strain
+        bore = warmed(self.bore, strain)
+        coupling = couple_lines(self.seat.line, bore, displacement, REACH)
         if coupling is None:
-            return self._apart(state, displacement)
+            return self._apart(state, displacement, strain)
         step = self._resolve(state, displacement, coupling)
         height = 0 if self.seat.line.radial else 1
         bodies = (step.state.seat_displacement, step.state.bore_displacement)
         if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance:
             return step
-        everything = couple_lines(self.seat.line, self.bore, displacement)
+        everything = couple_lines(self.seat.line, bore, displacement)
         assert everything is not None
         return self._resolve(state, displacement, everything)
 
     def _resolve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
         """The motion to a displacement; where none led there, a fit in place if the bodies overlap."""
         moved = displacement - state.displacement
+        if coupling.thermal_strain != state.thermal_strain:
+            friction = self._facet_friction(coupling, state, displacement)
+            return cooled(lambda given: self._solve(state, displacement, coupling, friction, given))
         if moved == 0.0 and self.seat.line.radial and float(coupling.gap.min()) < 0.0:
             return self._fit_in_place(state, coupling)
         return self._solve(state, displacement, coupling, self._facet_friction(coupling, state, displacement))
@@ -221,6 +233,8 @@ class Press:
         covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
+        if coupling.thermal_strain != state.thermal_strain:
+            slip_old += thermal_slip(self.bore, coupling, coupling.thermal_strain - state.thermal_strain)
         contact = ContactProblem(
             covered=covered,
             coupling=coupling,
@@ -378,9 +392,13 @@ class Press:
             sign=self._by_moment(contact, report.status.sign).astype(np.int64),
             kappa=self._by_moment(contact, answer.kappa),
             held=self._by_moment(contact, held),
+            shear=self._by_moment(contact, weight * answer.traction[1]),
+            thermal_strain=contact.coupling.thermal_strain,
             flow=None if settled is None else settled.flow,
         )
         pressure = -answer.traction[0]
+        line = self.seat.line
+        radius = np.interp(contact.coupling.portions.points.ravel(), line.coordinate, line.radius)
         return Step(
             state=after,
             report=report,
@@ -389,8 +407,11 @@ class Press:
             normal_force=float(weight @ pressure),
             friction_force=friction_force,
             friction_bound=float(weight @ (friction * pressure)),
+            torque=float(weight @ (friction * pressure * radius)),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
             dissipation=float(weight @ (answer.traction[1] * slip)),
+            slip_work=slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip),
+            heat=heat_work(self.bore, (state.bore_load, bore_load), after.thermal_strain - state.thermal_strain),
             settled=settled,
         )
 
@@ -439,19 +460,20 @@ class Press:
             friction=mean(friction),
         )
 
-    def _apart(self, state: State, displacement: float) -> Step:
+    def _apart(self, state: State, displacement: float, thermal_strain: float) -> Step:
         """The bodies face each other nowhere: everything is zero, but what plastic strains leave."""
         rest = self.rest()
         after = replace(
-            rest, displacement=displacement, direction=state.direction, accumulated_slip=state.accumulated_slip
-        )
+            rest, displacement=displacement, direction=state.direction, accumulated_slip=state.accumulated_slip,
+            thermal_strain=thermal_strain,
+        )  # fmt: skip
+        moved = displacement - state.displacement
         settled = None
         if self.yielding is not None and state.flow is not None:
             loads, none = (state.seat_load, state.bore_load), (rest.seat_load, rest.bore_load)
-            settled = self.yielding.settle(state.flow, displacement - state.displacement, loads, lambda _: none)
+            settled = self.yielding.settle(state.flow, moved, loads, lambda _: none)
             seat, bore = self._with_eigen((rest.seat_displacement, rest.bore_displacement), settled)
             after = replace(after, seat_displacement=seat, bore_displacement=bore, flow=settled.flow)
-        zero = np.zeros(self.seat.line.facets)
         nothing = np.zeros((2, 0))
         report = Report(
             answer=LinearSolution(nothing, nothing, nothing, np.zeros(0)),
@@ -460,29 +482,16 @@ class Press:
             residual=0.0,
             converged=settled is None or settled.converged,
         )
-        facets = FacetState(
-            pressure=zero,
-            traction=zero,
-            gap=zero,
-            slip=zero,
-            accumulated_slip=state.accumulated_slip,
-            status=zero.astype(np.int64),
-            friction=zero,
-        )
         return Step(
             state=after,
             report=report,
-            facets=facets,
+            facets=nothing_touches(state.accumulated_slip),
             force=0.0,
             normal_force=0.0,
             friction_force=0.0,
             friction_bound=0.0,
             strain_energy=0.0 if settled is None else settled.energy,
             dissipation=0.0,
+            slip_work=-0.5 * moved * float(self.seat.line.normals[:, 0] @ state.shear.sum(axis=1)),
             settled=settled,
         )
-
-
-def tiles(coordinate: FloatArray) -> int:
-    """Number of friction tiles on a contact line."""
-    return max(1, int(np.ceil((coordinate[-1] - coordinate[0]) / TILE - 1e-9)))

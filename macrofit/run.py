@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from .acceptance import Standard
 from .base.files import remove_drafts
 from .base.ranks import raise_together
 from .bodies.outlook import seat_ends
@@ -28,6 +29,7 @@ from .results.folder import (
 )
 from .results.journal import Journal, is_journal
 from .results.summary import sentences, summary
+from .results.versions import provenance
 from .scene import Scene, with_script_friction
 from .solution import Solution
 from .solve import solve
@@ -42,11 +44,13 @@ def carry_out(
     quiet: bool,
     friction: GivenFriction | None = None,
     strict: bool = False,
+    standard: Standard | None = None,
 ) -> list[str]:
     """Solve the scene, write its results into ``folder``, and give the summary lines (rank 0). Collective.
 
     Only rank 0 writes, and no other run may write into the folder until all is written. ``friction`` is an object in
-    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal.
+    place of the scene's [friction], see `solve`; it must state a ``digest``, for the folder keeps a journal. The
+    verdict is by ``standard``, EN 13260 where it is left out.
 
     Raises:
         MacrofitError: on all ranks together; what was accepted stays in the folder.
@@ -62,7 +66,8 @@ def carry_out(
             journal, curve = open_folder(folder, scene, resume=resume)
         else:
             journal = Journal.elsewhere()
-    monitor: Monitor = Silent() if curve is None else Several(on_screen(quiet=quiet), curve)
+    screen = on_screen(quiet=quiet or curve is None, planned=len(scene.displacements) + scene.motion.release)
+    monitor: Monitor = Silent() if curve is None else Several(screen, curve)
     lines: list[str] = []
     with journal:
         try:
@@ -73,7 +78,7 @@ def carry_out(
             raise
         with raise_together(comm):  # the journal's lock is held until all is written: no other run gets in between
             if comm.rank == 0:
-                lines = write_results(folder, solution, strict=strict)
+                lines = write_results(folder, solution, friction, strict=strict, standard=standard)
     return lines
 
 
@@ -105,8 +110,17 @@ def save_accepted(folder: Path, scene: Scene, curve: CurveFile, monitor: Monitor
             write_interface(folder, scene, seat_ends(scene), curve.records)
 
 
-def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> list[str]:
+def write_results(
+    folder: Path,
+    solution: Solution,
+    friction: GivenFriction | None = None,
+    *,
+    strict: bool = False,
+    standard: Standard | None = None,
+) -> list[str]:
     """Write what is left when all increments are done; gives the summary lines.
+
+    ``friction`` is the object that a script gave in place of the scene's.
 
     Raises:
         OutputError: a file cannot be written.
@@ -114,7 +128,7 @@ def write_results(folder: Path, solution: Solution, *, strict: bool = False) -> 
     """
     from .figures.curves import write_figures
 
-    numbers = summary(solution)
+    numbers = summary(solution, standard) | {"provenance": provenance(solution.scene, friction)}
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_figures(folder, solution)

@@ -13,6 +13,8 @@ from .base.arrays import FloatArray, IntArray
 from .friction import TileOverlaps, tile_overlaps
 from .scene.keys import Scene
 
+TILE = 1.0  # mm, length of a friction tile
+
 
 @dataclass(frozen=True, kw_only=True)
 class FacetState:
@@ -48,10 +50,25 @@ class Increment:
     dissipation: float  # N mm, by friction in this increment
     plastic_work: float = 0.0  # N mm, of both bodies in this increment
     plastic_strain: float = 0.0  # largest accumulated plastic strain so far
-    work: float = 0.0  # N mm, of the press in this increment
+    work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
+    torque: float = 0.0  # N mm, integral of 2 pi r^2 friction pressure ds: what friction carries around the axis
     wall_s: float
     facets: FacetState = field(repr=False)
+
+    @property
+    def push_off(self) -> float:
+        """Force [N] at which the wheel slides on in the direction of the insertion.
+
+        Integral of friction * pressure, and what the slope of the fit adds. The pressure is that of this state: what a
+        push would change in it (1 to 3 %, by Poisson's ratio) is left out.
+        """
+        return self.mean_friction * self.normal_force + (self.force - self.friction_force)
+
+    @property
+    def pull_off(self) -> float:
+        """Force [N] at which the wheel slides back off, see `push_off`; below 0 where it jumps off by itself."""
+        return self.mean_friction * self.normal_force - (self.force - self.friction_force)
 
 
 @dataclass(frozen=True)
@@ -165,9 +182,9 @@ class Journal(Protocol):
 def energy_balance(increments: Sequence[Increment]) -> float:
     """|work - growth of the elastic energy - friction's and plastic work| / the largest of them on the way.
 
-    From the first increment on. What is left is of second order in the increment where nothing else happens within it,
-    of first order where contact is made. Work below 1e-2 of the strain energy is taken as that much: where nothing is
-    to be moved (no friction), the balance is of rounding and mesh alone.
+    From the first increment on. What is left is of first order in the increment where contact is made, and next to
+    nothing where the same facets stick and slip. Work below 1e-2 of the strain energy is taken as that much: where
+    nothing is to be moved (no friction), the balance is of rounding and mesh alone.
     """
     work = stored = dissipated = most = 0.0
     for before, after in pairwise(increments):
@@ -193,3 +210,8 @@ def force_balance(increments: Sequence[Increment], reactions: dict[str, FloatArr
     if len(known) == 0:
         return None
     return float(known.max()) / scale if scale > 0.0 else float(known.max())
+
+
+def tiles(coordinate: FloatArray) -> int:
+    """Number of friction tiles on a contact line."""
+    return max(1, int(np.ceil((coordinate[-1] - coordinate[0]) / TILE - 1e-9)))

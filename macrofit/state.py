@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from .contact.status import OPEN, STICK
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
+    from .contact.law import ContactProblem
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
 
@@ -34,7 +34,9 @@ class State:
     kind: IntArray  # (facets, moments) status
     sign: IntArray  # (facets, moments) of the slip
     kappa: FloatArray  # (facets, moments) see `contact.law`
+    thermal_strain: float  # of the wheel
     held: FloatArray  # (facets, moments) elastic slip (lambda - (T u - Q)) / gamma, see `contact.law` [mm]
+    shear: FloatArray  # (facets, moments) tangential force on the seat [N]
     flow: Flow | None = None  # of the points of this rank's bodies, where they may yield
     changes: dict[str, Changes] | None = None  # of the points of all bodies in this increment
 
@@ -53,7 +55,9 @@ class State:
     @staticmethod
     def restored(arrays: dict[str, FloatArray | IntArray]) -> State:
         """The inverse of ``arrays``; what else stands in a journal is left."""
-        scalars = {name: float(arrays[name]) for name in ("displacement", "direction", "friction_force")}
+        scalars = {
+            name: float(arrays[name]) for name in ("displacement", "direction", "friction_force", "thermal_strain")
+        }
         own = {name: arrays[name] for name in State._named()}
         changes: dict[str, dict[str, FloatArray | IntArray]] = {}
         for name, values in arrays.items():
@@ -80,7 +84,24 @@ class Step:
     friction_bound: float  # integral of friction * pressure
     strain_energy: float
     dissipation: float
+    slip_work: float  # what friction takes of the press beyond the mean of its force before and after [N mm]
+    torque: float = 0.0  # N mm, integral of friction * pressure * radius
+    heat: float = 0.0  # N mm, of the wheel's change of temperature
     settled: Settled | None = None
+
+
+def nothing_touches(accumulated_slip: FloatArray) -> FacetState:
+    """The facets of a seat that the wheel is nowhere near."""
+    zero = np.zeros(len(accumulated_slip))
+    return FacetState(
+        pressure=zero,
+        traction=zero,
+        gap=zero,
+        slip=zero,
+        accumulated_slip=accumulated_slip,
+        status=zero.astype(np.int64),
+        friction=zero,
+    )
 
 
 def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
@@ -105,20 +126,39 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work([before, *(step.state for step in steps)]),
+        work=_work(before, steps) + sum(step.heat for step in steps),
+        torque=last.torque,
         wall_s=wall_s,
         facets=last.facets,
     )
 
 
-def _work(states: list[State]) -> float:
-    """Work of the press [N mm] from state to state.
+def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:
+    """What a step's slip adds to its work: 1/2 sum of (tangential force after - before) . slip [N mm].
 
-    In an implicit step friction dissipates at its final value, the elastic part of the force grows from its first
-    value to its last: so the work is taken too.
+    Args:
+        before: the state before the step.
+        after: that after it.
+        moved: way of the wheel along each facet of the seat (facets,) [mm]; what is open moves with it.
+        contact: which facets face each other.
+        slip: of their moments [mm].
+    """
+    facets, moments = contact.coupling.portions.facet, after.kind.shape[1]
+    passed = np.repeat(moved[:, None], moments, axis=1)
+    touching = after.kind[facets] != OPEN
+    passed[facets] = np.where(touching, slip.reshape(-1, moments), passed[facets])
+    return 0.5 * float(((after.shear - before.shear) * passed).sum())
+
+
+def _work(before: State, steps: list[Step]) -> float:
+    """Work of the press [N mm] over steps: the mean of the force before and after each, and what slip adds to it.
+
+    Where bodies stick the force grows along a step, and its mean is exact; where they slip, friction has its final
+    value from the first slip on, which is also what the step dissipates.
     """
     work = 0.0
-    for before, after in pairwise(states):
-        elastic = 0.5 * (before.axial_force - before.friction_force + after.axial_force - after.friction_force)
-        work += (elastic + after.friction_force) * (after.displacement - before.displacement)
+    for state, step in zip([before, *(step.state for step in steps)], steps, strict=False):
+        moved = step.state.displacement - state.displacement
+        if moved != 0.0:
+            work += 0.5 * (state.axial_force + step.state.axial_force) * moved + step.slip_work
     return work

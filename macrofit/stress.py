@@ -13,6 +13,7 @@ from .base.arrays import BoolArray, FloatArray
 from .base.ranks import raise_together
 from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
+from .bodies.surface import surface_stress
 from .parallel import owner
 from .plasticity.material import yield_stress
 from .scene.keys import Scene
@@ -81,6 +82,8 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
         return []
     asked = scene.output.fields_at
     numbers = {len(travels) - 1} if asked is None else {int(np.abs(np.array(travels) - u).argmin()) for u in asked}
+    cold = min(scene.motion.cooling, len(travels) - 1)  # of a wheel that cools in place, the fit when it is cold
+    numbers = {max(number, cold) for number in numbers}
     numbers |= {int(k) for k in np.linspace(0, len(travels) - 1, min(scene.output.frames, len(travels))).round()}
     return sorted(numbers)
 
@@ -133,7 +136,7 @@ def _evaluate(
                 beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(tractions):
             at = batch.index(k)
-            plastic = None if accumulated is None else accumulated[:, at]
+            plastic = None if accumulated is None else (strains[:, :, at], accumulated[:, at])
             fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], plastic, travels[k])
     return _BodyStresses(
         extreme=best,
@@ -200,11 +203,16 @@ def _field(
     displacement: FloatArray,
     stress: FloatArray,
     traction: FloatArray,
-    plastic: FloatArray | None,
+    plastic: tuple[FloatArray, FloatArray] | None,
     travel: float,
 ) -> BodyField:
-    body = evaluator.body
-    recovered = evaluator.patches.recover(stress, traction)
+    """The fields of a body; ``plastic`` are the plastic strains of its points, and the accumulated ones."""
+    body, patches = evaluator.body, evaluator.patches
+    recovered, on_line = patches.recover(stress, traction), body.trace[: len(body.line.nodes)]
+    elastic = np.ones(len(on_line), dtype=bool)
+    if plastic is not None:  # beside what flowed the strain is too steep, and the fit to the stresses is nearer
+        elastic = ~patches.recover(plastic[0].T)[on_line].any(axis=1)
+    recovered[on_line[elastic]] = surface_stress(body, displacement, traction)[elastic]
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,
@@ -212,12 +220,10 @@ def _field(
         displacement=displacement.reshape(-1, 2),
         stress=recovered,
         von_mises=von_mises(recovered.T),
-        plastic_strain=_recovered_plastic(evaluator, plastic),
+        plastic_strain=None if plastic is None else _recovered_plastic(evaluator, plastic[1]),
     )
 
 
-def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray | None) -> FloatArray | None:
+def _recovered_plastic(evaluator: StressEvaluator, plastic: FloatArray) -> FloatArray:
     """Accumulated plastic strain at the nodes: never below 0, as straight lines through the points would be."""
-    if plastic is None:
-        return None
     return np.asarray(np.maximum(evaluator.patches.recover(np.stack([plastic] * 4))[:, 0], 0.0))

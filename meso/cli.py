@@ -10,18 +10,24 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.errors import OutputError
-from macrofit.base.progress import is_first_rank
+from macrofit.base.progress import announce, is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
+from .measured.options import asked_scan, scan_options, take_options
 from .presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from .settings import Settings
+    from .surfaces.surface import Body
 
 RADIUS_RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 """Radius ratios in the figures of a calibration [-]."""
 MODULI = (0.5, 1.0, 1.5, 2.0)
 """Moduli of the beams in the figures of a calibration, over the modulus found [-]."""
+LOADING = "Plates          loading their engines"
+"""What is said before anything heavy is loaded."""
 LIGHT_CUBE = 1000
 """Spheres, at most, in the cube that is pulled for these figures: 32 pairs of parameters take some seconds."""
 
@@ -38,8 +44,18 @@ def main() -> None:
     few_threads()
 
 
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+
+    from .settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
+
+
 settings_argument = click.argument("settings", required=False, type=FILE)
-set_settings = set_option("the settings")
+set_settings = set_option("the settings", completes_key)
 preset_option = click.option(
     "--preset", type=click.Choice(list(PRESETS)), default=DEFAULT, show_default=True,
     help=f"What neither SETTINGS nor --set says. {presets_line()}.",
@@ -79,6 +95,7 @@ def run(
 
     A folder with results of a run is replaced. A folder with anything else in it is refused.
     """
+    announce(LOADING, quiet=quiet)
     more = [f"engine.name={engine}"] if engine else []
     if micro_friction:
         more.append(f"contact.micro_friction={list(micro_friction)}")
@@ -101,6 +118,11 @@ def run(
     help="Figure (.png), heights (.npy, .csv) or hull of the plate (.stl, .vtk, .vtu, .ply); several may be given.",
 )  # fmt: skip
 @click.option("--body", type=click.Choice(["wheel", "axle"]), default="wheel", show_default=True, help="Whose face.")
+@click.option(
+    "--file", "files", multiple=True, type=FILE, metavar="FILE",
+    help="Measured face in place of a generated one (.npy, .csv, .xyz, .sdf, .sur, .x3p, .al3d ...); several: patches.",
+)  # fmt: skip
+@scan_options
 @click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm.")
 @click.option("--max-height", type=float, help="Range R of the random heights of Diamond-Square [mm].")
 @click.option("--rms-height", type=float, help="Sq of the self-affine generator [mm].")
@@ -114,12 +136,13 @@ def run(
 def surface(
     targets: tuple[Path, ...],
     body: Literal["wheel", "axle"],
+    files: tuple[Path, ...],
     seed: int | None,
     overrides: tuple[str, ...],
     preset: str,
     **given: Any,
 ) -> None:
-    """Make the rough face of a body, print its roughness, and write it in the forms asked for.
+    """Make the rough face of a body, or read it from a file, print its roughness, and write it in the forms asked for.
 
     What is not given is as in a run without settings: the face is the very one of its plate.
     """
@@ -129,12 +152,15 @@ def surface(
 
     for target in targets:
         check_surface_file(target)
+    scan = take_options(given)
     if seed is not None:
         given[f"{body}_seed"] = seed
     more = [f"surface.{key}={value}" for key, value in given.items() if value is not None]
     resolved = _load(None, (*overrides, *more), preset)
     edge, slide = resolved.plates.edge, resolved.load.slide
     size = (edge, edge) if body == "wheel" else (edge + slide, edge)
+    if files:
+        resolved = _with_files(resolved, body, files, scan, size)
     face = rough_face(resolved.surface, body, getattr(resolved.surface, f"{body}_seed"), size)
     nx, ny = face.shape
     click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
@@ -166,6 +192,7 @@ def sample(settings: Path | None, targets: tuple[Path, ...], overrides: tuple[st
     for target in targets:
         if target.suffix.lower() not in (".vtu", ".vtk", ".png"):
             raise OutputError(f"{target}: spheres are written as .vtu or .vtk, their picture as .png")
+    announce(LOADING, quiet=False)
     resolved = _load(settings, overrides, preset)
     from .plates import make_plates
     from .results.folder import write_spheres
@@ -217,6 +244,7 @@ def calibrate(
     Tensile tests on packed cubes of 1 mm give the radius ratio of the beams from the Poisson ratio, then their modulus
     from Young's modulus.
     """
+    announce(LOADING, quiet=False)
     from macrofit.base.files import write_text
 
     from .calibrate import calibrate as find
@@ -259,6 +287,25 @@ def calibrate(
             save(drawn(points, title), folder / f"influence_{name}.png")
         click.echo(f"Influence       {len(points)} pairs of beams  ({time.perf_counter() - started:.1f} s)")
     click.echo(f"Files           {folder}")
+
+
+def _with_files(
+    settings: Settings, body: Body, files: tuple[Path, ...], options: dict[str, Any], size: tuple[float, float]
+) -> Settings:
+    """The settings with a measured face of a body, once it is shown what its files hold."""
+    from msgspec.structs import replace
+
+    from .results.summary import scan_lines
+    from .surfaces.measured import covering
+
+    if len(files) > 1 and options["use"] == "face":
+        options = {**options, "use": "patches"}
+    keys = asked_scan(files, options)
+    keys = covering(keys, size) if keys.use == "face" else keys
+    surface = replace(settings.surface, **{"axle" if body == "axle" else "bore": keys}).found()
+    for line in scan_lines(keys):
+        click.echo(line)
+    return replace(settings, surface=surface)
 
 
 def _load(source: Path | None, overrides: tuple[str, ...], preset: str) -> Settings:

@@ -9,6 +9,7 @@
     surface = { levels = 3, max_height = 0.02 }
     plates = { spheres = 3000 }
 
+`surface = { axle = "a.sur", bore = "b.sur" }` takes measured faces instead (`meso.measured.keys`).
 `DirectDem` has the options, `TileFriction` answers.
 """
 
@@ -26,7 +27,7 @@ from macrofit.base.provenance import version
 from macrofit.friction import BuildContext, FloatArray, ProviderError, TilePairs
 
 from .coefficient_cache import CoefficientCache, Entry, code
-from .errors import MesoError, SettingsError
+from .errors import MesoError, SettingsError, SurfaceError
 from .friction_test import engine_name, prepared, slid
 from .lattice.lattice import Lattice
 from .material import Material
@@ -36,6 +37,7 @@ from .plates import beams_of, face_to_face, make_plate
 from .presets import DEFAULT, PRESETS, on_preset
 from .records import UNBALANCED, Slide
 from .settings import Settings, decode
+from .surfaces.measured import doubts_of
 from .surfaces.surface import Body, tile_seed
 
 HELD_SPHERES = 600_000
@@ -116,10 +118,12 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
         Raises:
             SettingsError: there are no beams for the material.
+            ProviderError: a measured face that cannot be used.
         """
         material = Material(youngs_modulus=context.youngs_modulus, poisson_ratio=context.poisson_ratio)
         settings = msgspec.structs.replace(self.settings(context.tile_size), material=material)
         beams_of(settings)
+        _look_at_files(settings, {"axle": context.seat_tiles, "wheel": context.bore_tiles})
         _warn_of_cost(settings, context.seat_tiles * context.bore_tiles // 2)
         keeps = self.cache and context.cache_dir is not None
         return TileFriction(
@@ -285,6 +289,16 @@ def slide_cpu_s(settings: Settings) -> float:
         return float(0.1 * thousands**1.6)
     speed = settings.engine.speed if settings.engine.resonance is None else 13.4e3 * settings.engine.resonance
     return float(0.25 * thousands ** (4.0 / 3.0) * (0.6 + settings.load.slide * 1e4 / speed))
+
+
+def _look_at_files(settings: Settings, counts: dict[Body, int]) -> None:
+    """Refuse measured faces that do not serve all tiles, before a run begins, and tell what may be wrong with them."""
+    try:
+        doubts = doubts_of(settings.surface, counts, settings.plates.edge)
+    except SurfaceError as error:
+        raise ProviderError(f"friction.options.surface: {error}") from None
+    for doubt in doubts:
+        warnings.warn(f"friction provider 'dem': {doubt}", stacklevel=3)
 
 
 def _warn_of_cost(settings: Settings, pairs: int) -> None:

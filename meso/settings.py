@@ -8,15 +8,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import msgspec
 
+from macrofit.base.errors import OutputError
+from macrofit.base.files import placed_names
 from macrofit.base.keys import KeyMistake, Keys, Positive, decode_tables, told
 from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_override
 
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material, PlateModulus
+from .measured.keys import Measured, ScanKeys, scan_keys
 from .presets import DEFAULT, on_preset
 
 EngineName = Literal["auto", "quasi-static", "explicit"]
@@ -76,12 +79,38 @@ class FaceKeys(Keys, frozen=True):
         float, told("Ground: wavelengths around the body over those along it [-]."), msgspec.Meta(ge=1.0, le=1000.0)
     ] = 8.0
 
+    axle: Annotated[
+        Measured | None, told("Measured face of the axle: a file, a list of patches, or a table; left out: generated.")
+    ] = None
+    bore: Annotated[Measured | None, told("Measured face of the wheel's bore, as the axle's.")] = None
+
+    def measured(self, body: Literal["wheel", "axle"]) -> ScanKeys | None:
+        """The keys of the measured face of a body; None where it is generated."""
+        given = self.axle if body == "axle" else self.bore
+        return None if given is None else scan_keys(given)
+
+    def found(self) -> Self:
+        """The same with the digests of the files of measured faces.
+
+        Raises:
+            SettingsError: a file that cannot be read, by its key; or whose content is not that of its digest.
+        """
+        if self.axle is None and self.bore is None:
+            return self
+        keys: dict[str, ScanKeys] = {}
+        for name, given in (("axle", self.axle), ("bore", self.bore)):
+            if given is not None:
+                keys[name] = _digested(f"surface.{name}", scan_keys(given))
+        return msgspec.structs.replace(self, **keys)
+
     def check(self, width: float) -> None:
         """Check that the grid of a face of this width [mm] holds what is asked for.
 
         Raises:
             SettingsError: grooves too narrow for it, or a roll-off too long.
         """
+        if self.axle is not None and self.bore is not None:
+            return
         whole = self.generator == "diamond_square"
         cells = 2**self.levels if whole else max(2, round(width * 2**self.levels))  # across the width
         if self.lay == "turned" and self.feed * cells < POINTS_OF_A_GROOVE * width * (1.0 - 1e-9):
@@ -94,6 +123,20 @@ class FaceKeys(Keys, frozen=True):
                 f"surface.roll_off = {self.roll_off:g} mm is more than {MOST_POINTS_OF_A_ROLL_OFF} spacings of "
                 f"{width / cells:g} mm: take a shorter one or fewer surface.levels"
             )
+
+
+def _digested(key: str, keys: ScanKeys) -> ScanKeys:
+    """The keys of a measured face with the digests of its files; digests that are there already must be theirs."""
+    try:
+        found = keys.found()
+    except OutputError as error:
+        raise SettingsError(f"{key}: {error}") from None
+    if keys.sha256 not in ((), found.sha256):
+        raise SettingsError(
+            f"{key}.sha256: the content of {', '.join(keys.files)} is another: put the files back, or take the key out "
+            "and begin anew"
+        )
+    return found
 
 
 class SurfaceKeys(FaceKeys, frozen=True):
@@ -262,7 +305,8 @@ class Settings(Keys, frozen=True):
                 "'explicit' and engine.speed, or engine.name = 'quasi-static'"
             )
         squares = (self.plates.edge + self.load.slide) / self.plates.edge
-        if self.surface.generator == "diamond_square" and abs(squares - round(squares)) > 1e-9:
+        generated = self.surface.axle is None or self.surface.bore is None
+        if generated and self.surface.generator == "diamond_square" and abs(squares - round(squares)) > 1e-9:
             raise SettingsError(
                 f"load.slide = {self.load.slide:g} mm must be a whole number of plates.edge = {self.plates.edge:g} mm "
                 "for Diamond-Square surfaces; take surface.generator = 'self_affine' for others"
@@ -285,10 +329,19 @@ def load(source: str | Path | None = None, overrides: Iterable[str] = (), preset
         SettingsError: one line that names the file, the key or the preset.
     """
     with errors_as(SettingsError):
-        tables: dict[str, Any] = {} if source is None else read_toml(Path(source))
+        tables: dict[str, Any] = {} if source is None else placed_files(read_toml(Path(source)), Path(source).parent)
         for override in overrides:
             set_key(tables, *split_override(override, "load.pressure=100"))
     return decode(on_preset(preset, tables))
+
+
+def placed_files(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables with the files of measured faces looked for in a folder."""
+    surface = tables.get("surface")
+    if not isinstance(surface, Mapping):
+        return tables
+    placed = {key: placed_names(value, folder) if key in ("axle", "bore") else value for key, value in surface.items()}
+    return {**tables, "surface": placed}
 
 
 def decode(tables: Mapping[str, Any]) -> Settings:
@@ -301,7 +354,8 @@ def decode(tables: Mapping[str, Any]) -> Settings:
         settings = decode_tables(tables, Settings, "settings")
     except KeyMistake as error:
         raise SettingsError(str(error)) from None
-    return settings.check()
+    checked = settings.check()
+    return msgspec.structs.replace(checked, surface=checked.surface.found())
 
 
 def dump(settings: Settings) -> str:

@@ -13,15 +13,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
-from macrofit.base.progress import launched
+from macrofit.base.progress import announce, launched
+from meso.measured.options import asked_scan, scan_options, take_options
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
     from mpi4py import MPI
 
     from macrofit.base.farm import Farm
 
     from .network.shipped import Shipped
+
+
+LOADING = "Network         loading torch"
+"""What is said before anything heavy is loaded."""
 
 
 @click.group("macrofit-surrogate", cls=Commands, context_settings=SETTINGS)
@@ -32,6 +38,15 @@ def main() -> None:
     Lengths are in mm, forces in N.
     """
     few_threads()
+
+
+def completes_key(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Keys of the plates' settings and their values, for a shell."""
+    from macrofit.base.completion import keys_and_values
+    from macrofit.base.keys import dotted_keys
+    from meso.settings import Settings
+
+    return keys_and_values(dotted_keys(Settings), incomplete)
 
 
 preset_option = click.option(
@@ -94,7 +109,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
     "coefficients to 0.3, at constant force.",
 )  # fmt: skip
 @click.option("--spheres", type=int, help="In both plates together, instead of the preset's.")
-@set_option("the plates' settings")
+@set_option("the plates' settings", completes_key)
 @click.option(
     "--micro-friction", callback=count_or_coefficients, default="2", show_default=True, metavar="K|MU[,MU...]",
     help="How many coefficients per pair, one in each part of the range; or the coefficients themselves.",
@@ -134,6 +149,7 @@ def generate(
     Whatever ends it, the same command goes on: samples that are there are not computed again, and more --pairs add to
     them. Under mpirun all ranks compute, and the first one writes.
     """
+    announce("Plates          loading their engines", quiet=quiet)
     with farm(jobs) as workers:
         if workers is None:
             return
@@ -222,6 +238,7 @@ def train(databases: tuple[Path, ...], path: Path, quiet: bool, **options: Any) 
     Beside FILE.safetensors it writes the loss curves of both parts, FILE.loss.csv and FILE.loss.png.
     """
     started = time.perf_counter()
+    announce(LOADING, quiet=quiet)
     from .data.table import open_samples
     from .errors import TrainingError
     from .evaluation.curves import write_curves
@@ -276,6 +293,7 @@ def evaluate(
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
     program for the preset; without any network, the shipped one with the paper's architecture beside it.
     """
+    announce(LOADING, quiet=False)
     from .evaluation.report import evaluation_lines
     from .evaluation.run import evaluate_network
     from .network.shipped import SHIPPED
@@ -293,8 +311,9 @@ def evaluate(
 @main.command()
 @preset_option
 @network_option
-@click.option("--wheel", type=FILE, metavar="FILE", help="Heights of the wheel's face, 1 x 1 mm [mm] (.npy, .csv).")
-@click.option("--axle", type=FILE, metavar="FILE", help="Heights of the axle's face, 2 x 1 mm [mm].")
+@click.option("--wheel", type=FILE, metavar="FILE", help="Measured face of the wheel, 1 x 1 mm (docs/surfaces.md).")
+@click.option("--axle", type=FILE, metavar="FILE", help="Measured face of the axle, 2 x 1 mm.")
+@scan_options
 @click.option("--wheel-seed", type=click.IntRange(0), default=1, show_default=True, help="Where no file is given.")
 @click.option("--axle-seed", type=click.IntRange(0), default=2, show_default=True, help="Where no file is given.")
 @click.option("--max-height", type=float, help="Range R of the random heights [mm] [0.02, or the preset's].")
@@ -328,6 +347,7 @@ def predict(
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
+    announce(LOADING, quiet=False)
     from msgspec.structs import asdict
 
     from meso.settings import decode
@@ -339,6 +359,9 @@ def predict(
 
     if target is not None and target.suffix not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
+    scan = take_options(options)
+    for body in ("wheel", "axle"):
+        options[body] = options[body] and asked_scan(options[body], scan)
     given = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent, "form": form}
     tables = on_preset(preset, {"surface": {key: value for key, value in given.items() if value is not None}})
     surface = asdict(decode({"surface": tables["surface"]}).surface)
@@ -346,6 +369,8 @@ def predict(
     pair = predict_pair(predictor, micro_friction, **{key: surface[key] for key in given}, **options)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")
+    for doubt in pair.doubts:
+        complain(f"warning: {doubt}")
     for line in prediction_lines(pair):
         click.echo(line)
     if target is not None:

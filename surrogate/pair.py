@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
+from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 
-from .data.faces import generated_face, read_face, rms_height
+from .data.faces import generated_face, measured_face, rms_height
 from .errors import PredictionError
 from .network.checkpoint import Control, Provenance, outside_training
 from .network.predict import Predictor
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from meso.surfaces.surface import Body
 
 
+_Source: TypeAlias = "tuple[Body, ScanKeys | None, int]"
+"""A body with its files, or none, and its seed."""
 SMOOTHEST, ROUGHEST = 0.043, 0.22
 """Sq over R of generated faces: the least and the most of 960 with H from 0.5 to 1 [-]."""
 BEYOND = 5.0
@@ -48,6 +50,10 @@ class PairPrediction:
     """Whether the network expects contact all along the slide; where it is lost, errors are largest."""
     outside: list[str]
     """What lies outside all that the network has learned from, in words."""
+    doubts: list[str]
+    """What may be wrong with the files, in words."""
+    done: list[str]
+    """What was done to the files, in words."""
 
     @property
     def half(self) -> FloatArray:
@@ -58,8 +64,8 @@ class PairPrediction:
 def predict_pair(
     predictor: Predictor,
     micro_friction: tuple[float, ...],
-    wheel: Path | None,
-    axle: Path | None,
+    wheel: ScanKeys | None,
+    axle: ScanKeys | None,
     wheel_seed: int,
     axle_seed: int,
     max_height: float,
@@ -74,10 +80,10 @@ def predict_pair(
     Args:
         predictor: the network.
         micro_friction: micro coefficients [-].
-        wheel: file of the wheel's face; None: it is generated.
-        axle: file of the axle's face; None: it is generated.
-        wheel_seed: seed of a generated wheel.
-        axle_seed: seed of a generated axle.
+        wheel: files of the wheel's face; None: it is generated.
+        axle: files of the axle's face; None: it is generated.
+        wheel_seed: seed of a generated wheel, or of its tile on a strip or on patches.
+        axle_seed: seed of a generated axle, or of its tile.
         max_height: R of generated faces [mm].
         levels: subdivisions of generated faces.
         hurst_exponent: H of generated faces [-].
@@ -94,9 +100,9 @@ def predict_pair(
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
     keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
-    files: tuple[tuple[Body, Path | None, int], ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
-    faces = [_face(body, file, seed, about.points, keys) for body, file, seed in files]
-    findings = _unseen_faces(about, faces, files, keys)
+    sources: tuple[_Source, ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
+    faces, findings, doubts, done = _faces(about, keys, sources)
+    findings += _unseen_keys(about, faces, [wheel is not None, axle is not None], keys)
     micro = np.array(micro_friction)
     findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
     held, unlike = _asked_slide(about, pressure, control)
@@ -112,22 +118,14 @@ def predict_pair(
         spread=answer.spread,
         in_contact=bool(answer.in_contact.all()),
         outside=findings,
+        doubts=doubts,
+        done=done,
     )
 
 
-def _unseen_faces(
-    about: Provenance,
-    faces: list[HeightArray],
-    files: tuple[tuple[Body, Path | None, int], ...],
-    keys: FaceKeys,
-) -> list[str]:
-    """How faces lie outside those the network has seen, in words."""
-    given = [file is not None for _, file, _ in files]
-    findings: list[str] = []
-    for face, (body, file, _) in zip(faces, files, strict=True):
-        findings += [] if file is None else _outside_heights(face, body, file, about.max_height)
-    if not all(given):
-        findings += other_faces(about, keys)
+def _unseen_keys(about: Provenance, faces: list[HeightArray], given: list[bool], keys: FaceKeys) -> list[str]:
+    """How faces lie outside those the network has seen, by their keys and their highest point, in words."""
+    findings = [] if all(given) else other_faces(about, keys)
     highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
     if any(given) and highest > 1.5e3 * about.max_height[1]:
         findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
@@ -145,6 +143,26 @@ def _asked_slide(
     return held, about.unlike(msgspec.structs.replace(about.plates, pressure=asked, control=held))
 
 
+def _faces(
+    about: Provenance, keys: FaceKeys, sources: tuple[_Source, ...]
+) -> tuple[list[HeightArray], list[str], list[str], list[str]]:
+    """The faces of both bodies; what of those from files was never seen, what may be wrong with them, what was done."""
+    faces: list[HeightArray] = []
+    findings: list[str] = []
+    doubts: list[str] = []
+    done: list[str] = []
+    for body, source, seed in sources:
+        if source is None:
+            faces.append(generated_face(body, seed, keys, about.points))
+            continue
+        face, did, doubted = measured_face(source, body, seed, about.points)
+        findings += outside_heights(face, body, source.files[0], about.max_height)
+        doubts += [f"{source.files[0]}: {line}" for line in doubted]
+        done += [f"{body}: {line}" for line in did]
+        faces.append(face)
+    return faces, findings, doubts, done
+
+
 def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
     """Which generated faces lie outside what the network has seen, in words.
 
@@ -155,6 +173,8 @@ def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
         provenance: what the network was trained on.
         keys: how the faces are made.
     """
+    if keys.axle is not None and keys.bore is not None:
+        return []
     shape = {"levels": keys.levels, "hurst_exponent": keys.hurst_exponent}
     if keys.generator == "diamond_square":
         findings = outside_training(provenance, max_height=keys.max_height, **shape)
@@ -169,7 +189,7 @@ def other_faces(provenance: Provenance, keys: FaceKeys) -> list[str]:
     return findings
 
 
-def _outside_heights(face: HeightArray, body: Body, file: Path, learned: tuple[float, float]) -> list[str]:
+def outside_heights(face: HeightArray, body: Body, file: str, learned: tuple[float, float]) -> list[str]:
     """What to say of a face from a file that is smoother or rougher than all that were learned from.
 
     Generated faces of range R have an Sq of `SMOOTHEST` to `ROUGHEST` R.
@@ -181,15 +201,10 @@ def _outside_heights(face: HeightArray, body: Body, file: Path, learned: tuple[f
     low, high = SMOOTHEST * min(learned), ROUGHEST * max(learned)
     told = f"its rms height is {1e3 * rms:.3g} µm, those learned from have {1e3 * low:.2g} to {1e3 * high:.2g} µm"
     if rms < low / BEYOND:
-        unit = "is it in m, or flat? heights are taken for mm" if rms > 1e-12 else "it is flat, or one plane"
+        unit = "is it in m, or flat? see the unit of the heights" if rms > 1e-12 else "it is flat, or one plane"
         raise PredictionError(f"{file}: {told}; {unit}")
     if rms > high * BEYOND:
-        raise PredictionError(f"{file}: {told}; is it in µm? heights are taken for mm")
+        raise PredictionError(f"{file}: {told}; is it in µm? see the unit of the heights")
     if low <= rms <= high:
         return []
     return [f"the {body}'s face is {'smoother' if rms < low else 'rougher'} than any learned from: {told}"]
-
-
-def _face(body: Body, file: Path | None, seed: int, points: int, keys: FaceKeys) -> HeightArray:
-    """A face from its file, or from its seed where there is none."""
-    return generated_face(body, seed, keys, points) if file is None else read_face(file, body, points)

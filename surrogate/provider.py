@@ -9,6 +9,7 @@
     surface = { levels = 3, max_height = 0.02 }
     fallback = "dem"
 
+`surface = { axle = "a.sur", bore = "b.sur" }` takes measured faces instead (`meso.measured.keys`).
 `plates = "as-published"` asks for other plates, and thereby for another network. `Surrogate` has the options,
 `TileNetwork` answers. The same seed gives the same surfaces as the provider `dem`.
 """
@@ -16,6 +17,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 import warnings
 from collections.abc import Callable, Mapping
@@ -38,9 +40,10 @@ from macrofit.friction import (
     build,
     load,
 )
-from meso.errors import SettingsError
+from meso.errors import MesoError, SettingsError
 from meso.presets import DEFAULT, PRESETS, on_preset
 from meso.settings import FaceKeys, decode
+from meso.surfaces.measured import doubts_of
 from meso.surfaces.surface import Body, tile_seed
 
 from .data.plates import Plates
@@ -52,6 +55,8 @@ if TYPE_CHECKING:
 
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
+LOOKED_AT = 9
+"""Tiles of each body whose measured faces are compared with those that the network has seen."""
 LARGEST_FRICTION = math.nextafter(2.0, 0.0)
 """Largest coefficient that the contract accepts [-]."""
 
@@ -135,6 +140,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         self.faces(1.0)
         self._check_dem()
 
+    @property
+    def file(self) -> Path:
+        """The network's file, given or of the package."""
+        shipped = SHIPPED[self._preset()[0]].network(self.network)
+        return shipped if self.model is None else Path(self.model).expanduser()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the network's file, for the record of a run; "" where there is none."""
+        return hashlib.sha256(self.file.read_bytes()).hexdigest() if self.file.is_file() else ""
+
     def faces(self, tile_size: float) -> FaceKeys:
         """How the faces of tiles of this length [mm] are made.
 
@@ -145,6 +161,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             tables = on_preset(self._preset()[0], {"surface": self.surface})
             keys = decode_tables({"surface": tables["surface"]}, _Faces, "options").surface
             keys.check(tile_size)
+            keys = keys.found()
         except (KeyMistake, SettingsError) as error:
             raise ProviderError(f"friction.options.{error}") from None
         return keys
@@ -219,10 +236,8 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"it needs torch and safetensors ({error}): pip install 'macrofit[surrogate]', "
                 "or take friction.provider = 'dem'"
             ) from error
-        preset = self._preset()[0]
-        shipped = SHIPPED[preset].network(self.network)
         try:
-            network = load_predictor(shipped if self.model is None else Path(self.model).expanduser())
+            network = load_predictor(self.file)
         except SurrogateError as error:
             raise ProviderError(f"friction.options.model: {error}") from error
         if network.provenance.faces != "generated":
@@ -242,11 +257,13 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         if not about.wide or about.architecture == "paper":  # that one sees the faces alone
             if self.pressure == "own":
                 unseen.append(f"pressure = 'own' asks for others than {about.plates.pressure:g} MPa")
-            return shared_tiles(network, self.seed, surface, counts), unseen
+            tiles = shared_tiles(network, self.seed, surface, counts)
+            return tiles, unseen + self._measured(tiles, context)
         held = next((known for known in about.pressures if known == asked.control), next(iter(about.pressures)))
         one = about.at_modulus(asked.pressure, asked.youngs_modulus)
         low, high = about.pressures[held] if self._own_pressure else (one, one)
-        return shared_tiles(network, self.seed, surface, counts, PressureLevels(low, high), held), unseen
+        tiles = shared_tiles(network, self.seed, surface, counts, PressureLevels(low, high), held)
+        return tiles, unseen + self._measured(tiles, context)
 
     @property
     def _own_pressure(self) -> bool:
@@ -258,6 +275,33 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         if self.model is None or self.plates is not None:
             return self._asked_plates(tile_size)
         return msgspec.structs.replace(learned, edge=tile_size, **self._own_load())
+
+    def _measured(self, tiles: Tiles, context: BuildContext) -> list[str]:
+        """What the network has not seen of measured faces, in words; what may be wrong with them is told.
+
+        Raises:
+            ProviderError: a file that cannot be used, does not serve all tiles, or is of another unit.
+        """
+        counts: dict[Body, int] = {"axle": context.seat_tiles, "wheel": context.bore_tiles}
+        if tiles.surface.axle is None and tiles.surface.bore is None:
+            return []
+        from .pair import outside_heights
+
+        unseen: list[str] = []
+        try:
+            for doubt in doubts_of(tiles.surface, counts, context.tile_size):
+                warnings.warn(f"friction provider 'surrogate': {doubt}", stacklevel=4)
+            for body, count in counts.items():
+                scan = tiles.surface.measured(body)
+                places = np.unique(np.linspace(0, count - 1, LOOKED_AT).astype(int)).tolist()
+                if scan is not None:
+                    learned = tiles.predictor.provenance.max_height
+                    told = [outside_heights(tiles.heights(body, k), body, scan.files[0], learned) for k in places]
+                    odd = [lines[0] for lines in told if lines]
+                    unseen += odd[:1] if 2 * len(odd) > len(places) else []
+        except (MesoError, SurrogateError) as error:
+            raise ProviderError(f"friction.options.surface: {error}") from None
+        return unseen
 
     def _dem(self, context: BuildContext) -> FrictionProvider:
         """The provider `dem` on the same surfaces."""

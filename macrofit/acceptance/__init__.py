@@ -2,8 +2,8 @@
 
 from .fit import Fit, fit_of_scene
 from .run import judge_scene, verdict
-from .standard import Standard, load_standard, standard_names
-from .verdict import Check, Verdict, judge
+from .standard import Standard, load_standard, standard_names, standard_schema
+from .verdict import Check, Verdict, judge, verdict_schema
 
 __all__ = [
     "Check",
@@ -15,5 +15,7 @@ __all__ = [
     "judge_scene",
     "load_standard",
     "standard_names",
+    "standard_schema",
     "verdict",
+    "verdict_schema",
 ]

@@ -28,12 +28,17 @@ class Fit:
     reason: str = ""  # why there is no curve to judge
     interference: float | None = None  # mm, on the diameter
     shrunk: bool = False  # the wheel is shrunk on, not pressed
+    holds: float | None = None  # N, axial force from which on the wheel slides
     von_mises: Mapping[str, float] = field(default_factory=dict)  # MPa, largest of "axle" and "wheel"
     yield_stress: Mapping[str, float] = field(default_factory=dict)  # MPa, of "axle" and "wheel"
 
 
 def fit_of_scene(
-    scene: Scene, displacement: FloatArray, force: FloatArray, von_mises: Mapping[str, float]
+    scene: Scene,
+    displacement: FloatArray,
+    force: FloatArray,
+    von_mises: Mapping[str, float],
+    holds: float | None = None,
 ) -> tuple[Fit | None, str]:
     """The press fit that a scene computes; where the motion reverses, only what comes before is one.
 
@@ -42,6 +47,7 @@ def fit_of_scene(
         displacement: of the wheel at the increments, (n,) [mm].
         force: pushing force at the increments, (n,) [N].
         von_mises: largest stress of each body [MPa].
+        holds: axial force from which on the wheel slides [N].
 
     Returns:
         The fit, or None and the reason why no standard says anything about this scene. A fit without a curve that
@@ -62,10 +68,23 @@ def fit_of_scene(
         curve=None if reason else Curve(displacement[pressed], force[pressed]),
         reason=reason,
         interference=None if radial is None else round(2.0 * radial, 12),
-        shrunk=len(displacement) > 0 and float(displacement[0]) > 0.0,
+        shrunk=is_shrunk(displacement),
+        holds=holds if len(displacement) and float(displacement.max()) >= COVERED * length else None,
         von_mises=von_mises,
         yield_stress=yield_stresses(scene),
     ), ""
+
+
+def is_shrunk(displacement: FloatArray) -> bool:
+    """Whether the motion starts with the wheel on its seat."""
+    return len(displacement) > 0 and float(displacement[0]) > 0.0
+
+
+def where_fitted(scene: Scene, displacement: FloatArray) -> int:
+    """The increment at which the wheel is on, before it is pulled off: cooled, pressed on, or let go by the press."""
+    if is_shrunk(displacement):
+        return min(scene.motion.cooling, len(displacement) - 1)
+    return len(displacement) - 1 if scene.motion.release else _pressed(displacement).stop - 1
 
 
 def yield_stresses(scene: Scene) -> dict[str, float]:

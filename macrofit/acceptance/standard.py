@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from ..base.errors import nearest
 from ..base.keys import KeyMistake, Keys, decode_tables, told
 from ..base.toml import errors_as, parse_toml, read_toml
 from ..errors import StandardError
@@ -107,6 +108,9 @@ class Standard(Keys, frozen=True):
     )
     safety_axle: Annotated[Limits, told("Yield stress over the largest von Mises stress of the axle [-].")] = NONE
     safety_wheel: Annotated[Limits, told("The same of the wheel [-].")] = NONE
+    proof: Annotated[
+        Limits, told("Axial force that holds a wheel that is shrunk on, over the low end of final_force [-].")
+    ] = NONE
     noise: Annotated[
         float, msgspec.Meta(ge=0.0, lt=0.1), told("Change over the peak below which it is noise [-].")
     ] = 0.005  # fmt: skip
@@ -129,6 +133,12 @@ def standard_names() -> list[str]:
     return sorted(entry.name[:-5] for entry in _folder().iterdir() if entry.name.endswith(".toml"))
 
 
+def standard_schema() -> dict[str, Any]:
+    """JSON schema of a standard's file, for editors: every rule with its meaning and its unit."""
+    schema = msgspec.json.schema(Standard)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A standard of macrofit", **schema}
+
+
 def load_standard(source: str) -> Standard:
     """Read a standard: a built-in name, or the path of a TOML file.
 
@@ -139,7 +149,8 @@ def load_standard(source: str) -> Standard:
         return _built_in(source)
     if not Path(source).exists():
         raise StandardError(
-            f"no standard '{source}': neither a file nor one of the built-in ones ({', '.join(standard_names())})"
+            f"no standard '{source}': neither a file nor one of the built-in ones "
+            f"({nearest(source, standard_names(), 'which are')})"
         )
     with errors_as(StandardError):
         return _decode(read_toml(Path(source)), source)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from ..base.keys import told
 from .curve import Curve, Found
 from .fit import Fit
-from .standard import Limits, Standard, load_standard
+from .standard import Known, Limits, Standard, load_standard
 
 Result: TypeAlias = Literal["pass", "fail", "undecided", "not applicable"]
 Unit: TypeAlias = Literal["N", "mm", "1"]
@@ -19,6 +20,7 @@ DEFAULT = "en-13260"
 WINDOWS = ("en-13260", "gost-11018")
 """The standards whose window of the final force every verdict has."""
 NUMBER_UNKNOWN = "the standard's file states no number"
+NO_YIELD = "no yield stress is known, the largest stress is {stress:.4g} MPa; state {body}.material.grade"
 SHARES = frozenset({"without_rise", "oscillation_depth", "oscillation_length", "bulge", "end_drop", "oil_groove"})
 """Checks whose value people read in percent."""
 
@@ -26,16 +28,16 @@ SHARES = frozenset({"without_rise", "oscillation_depth", "oscillation_length", "
 class Check(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one rule."""
 
-    name: str  # that of the rule in the standard's file
-    result: Result
-    value: float | None = None
-    low: float | None = None
-    high: float | None = None
-    unit: Unit = "1"
-    at_mm: float | None = None  # displacement
-    known: str = "unknown"  # how sure the limits are
-    source: str = ""
-    note: str = ""  # why it is undecided or not applicable
+    name: Annotated[str, told("Name of the check: of the rule in the standard's file, or `curve` where there is none.")]
+    result: Annotated[Result, told("What came of it; `not applicable`: no number, or no value to hold against it.")]
+    value: Annotated[float | None, told("What was found [unit]; null: nothing.")] = None
+    low: Annotated[float | None, told("Least value that is accepted [unit]; null: any.")] = None
+    high: Annotated[float | None, told("Largest value that is accepted [unit]; null: any.")] = None
+    unit: Annotated[Unit, told("Unit of value, low and high; 1: a ratio.")] = "1"
+    at_mm: Annotated[float | None, told("Displacement where it was found [mm]; null: of the whole curve.")] = None
+    known: Annotated[Known, told("How sure the limits are.")] = "unknown"
+    source: Annotated[str, told("Where the limits stand.")] = ""
+    note: Annotated[str, told("Why it is undecided or not applicable; empty otherwise.")] = ""
 
     def in_words(self) -> str:
         """Value, place and limits, for people."""
@@ -67,24 +69,26 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 class Window(msgspec.Struct, frozen=True, rename={"low": "low_N", "high": "high_N"}):
     """The forces [N] that a standard accepts at the end, and whether this one is among them, whatever the length."""
 
-    low: float
-    high: float
-    inside: bool
+    low: Annotated[float, told("Least force [N].")]
+    high: Annotated[float, told("Largest force [N].")]
+    inside: Annotated[bool, told("Whether the final force is among them.")]
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True, rename={"final_force": "final_force_N"}):
     """A press fit held against a standard; without a curve it has no final force and no windows."""
 
-    word: Word
-    standard: str
-    wheel: str
-    seat_diameter_mm: float
-    length_mm: float
-    final_force: float | None
-    en_13260: Window | None
-    gost_11018: Window | None
-    checks: tuple[Check, ...]
-    sentence: str
+    word: Annotated[Word, told("The whole in one word; undecided: nothing fails, and not enough could be judged.")]
+    standard: Annotated[str, told("Title of the standard.")]
+    wheel: Annotated[str, told("Type of wheel whose window of the final force was taken.")]
+    seat_diameter_mm: Annotated[float, told("Diameter of the seat [mm].")]
+    length_mm: Annotated[float, told("Length that seat and bore have in common at the end [mm].")]
+    final_force: Annotated[float | None, told("Last force of the curve [N]; null: there is no curve to judge.")]
+    en_13260: Annotated[Window | None, told("Window of the final force by EN 13260; null as above.")]
+    gost_11018: Annotated[
+        Window | None, told("The same by GOST 11018, for this wheel, or a solid one of a locomotive.")
+    ]
+    checks: Annotated[tuple[Check, ...], told("All checks, in the order of the standard's rules.")]
+    sentence: Annotated[str, told("The verdict for people, with every reason.")]
 
     @property
     def failed(self) -> list[Check]:
@@ -105,8 +109,9 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
         wheel: type of wheel that picks the window of the final force; None: the standard's own choice.
 
     Returns:
-        `refused` where a check fails; `undecided` where none does, but one is undecided or the final force cannot be
-        judged; `accepted` otherwise, which says nothing of checks that are not applicable.
+        `refused` where a check fails; `undecided` where none does, but one is undecided, or neither the final force nor
+        the proof of a shrunk wheel can be judged; `accepted` otherwise, which says nothing of checks that are not
+        applicable.
 
     Raises:
         StandardError: the standard does not know this type of wheel.
@@ -115,7 +120,7 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
     name, _ = rules.window(wheel)
     checks = tuple(_checks(fit, rules, wheel))
     word = _word(checks)
-    european, russian = (None if fit.curve is None else _window(fit, fit.curve, each) for each in WINDOWS)
+    european, russian = (None if fit.curve is None else _window(fit, fit.curve, each, name) for each in WINDOWS)
     return Verdict(
         word=word,
         standard=rules.title,
@@ -130,6 +135,14 @@ def judge(fit: Fit, standard: Standard | None = None, wheel: str | None = None) 
     )
 
 
+def verdict_schema() -> dict[str, Any]:
+    """JSON schema of a verdict as files have it: every key with its meaning and its unit."""
+    schema = msgspec.json.schema(Verdict)
+    for table in schema["$defs"].values():
+        table["required"] = list(table["properties"])  # a verdict writes every key
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A verdict of macrofit", **schema}
+
+
 def _checks(fit: Fit, rules: Standard, wheel: str | None) -> Iterator[Check]:
     yield from _length(fit, rules)
     yield from _interference(fit, rules)
@@ -142,6 +155,7 @@ def _checks(fit: Fit, rules: Standard, wheel: str | None) -> Iterator[Check]:
         for each in curves:
             yield from each(fit, fit.curve, rules, wheel)
     yield from _safety(fit, rules)
+    yield from _proof(fit, rules, wheel)
     for demand in rules.elsewhere:
         note = f"not to be seen here: {demand.demand}"
         yield Check(
@@ -238,20 +252,41 @@ def _safety(fit: Fit, rules: Standard) -> Iterator[Check]:
     for body, limits in (("axle", rules.safety_axle), ("wheel", rules.safety_wheel)):
         stress, bound = fit.von_mises.get(body, 0.0), fit.yield_stress.get(body)
         why = "" if stress > 0.0 else "no stress is known"
-        why = why or ("" if bound is not None else "no yield stress is known")
+        why = why or ("" if bound is not None else NO_YIELD.format(body=body, stress=stress))
         yield _held(f"safety_{body}", limits, bound / stress if bound is not None and stress > 0.0 else None, why=why)
+
+
+def _proof(fit: Fit, rules: Standard, wheel: str | None) -> Iterator[Check]:
+    """What holds a wheel that is shrunk on, over the smallest force with which it might be pressed on.
+
+    The loads of a proof change slowly and friction does not know the time: one push and three are the same. A wheel
+    that is pressed on is proved by its curve; what holds it is then told over its last force.
+    """
+    load = rules.window(wheel)[1].scaled(fit.diameter).low
+    ratio, why = rules.length_over_diameter, ""
+    if fit.holds is None:
+        why = f"not to be seen in a curve: {rules.proof.source}" if rules.proof.stated else ""
+    elif not fit.shrunk:
+        load = None if fit.curve is None else fit.curve.final.value
+        why = "for wheels that are shrunk on; of one that is pressed on: what holds it over its last force"
+    elif not ratio.hold(fit.length / fit.diameter):
+        why = "the window of the force is not for such a length over the diameter"
+    value = fit.holds / load if fit.holds is not None and load else None
+    yield _held("proof", rules.proof, value, why=why)
 
 
 def _word(checks: tuple[Check, ...]) -> Word:
     if any(check.result == "fail" for check in checks):
         return "refused"
-    judged = any(check.name == "final_force" and check.result == "pass" for check in checks)
+    judged = any(check.name in ("final_force", "proof") and check.result == "pass" for check in checks)
     judged = judged and all(check.result != "undecided" for check in checks)
     return "accepted" if judged else "undecided"
 
 
-def _window(fit: Fit, curve: Curve, name: str) -> Window:
-    limits = load_standard(name).window()[1].scaled(fit.diameter)
+def _window(fit: Fit, curve: Curve, name: str, wheel: str) -> Window:
+    """The window of a built-in standard for this type of wheel, or its first one where it does not know the type."""
+    standard = load_standard(name)
+    limits = standard.window(wheel if wheel in standard.final_force else None)[1].scaled(fit.diameter)
     assert limits.low is not None  # `load_standard` has looked
     assert limits.high is not None
     return Window(limits.low, limits.high, limits.hold(curve.final.value))

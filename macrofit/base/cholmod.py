@@ -367,6 +367,21 @@ class Factor:
         whole = columns * (columns + 1.0)
         return float(np.sum(columns * below**2 + below * whole + whole * (2.0 * columns + 1.0) / 6.0))
 
+    @property
+    def permutation(self) -> IntArray:
+        """The unknown that stands in each row of L (n,)."""
+        return np.asarray(self._permutation, dtype=np.int64)
+
+    @property
+    def supernodes(self) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """L by its k supernodes, views of the library's memory: keep the factor as long as they are used.
+
+        Returns:
+            The first column of each supernode (k + 1,), where its rows begin (k + 1,) and its values (k + 1,), the rows
+            and the values; the columns of a supernode follow each other, each with all rows.
+        """
+        return self._super, self._pi, self._px, self._s, self._x
+
     def solve(self, rhs: FloatArray) -> FloatArray:
         """The solution x of K x = rhs.
 

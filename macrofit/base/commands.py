@@ -11,13 +11,16 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from .errors import MacrofitError
+from .errors import MacrofitError, nearest
 from .files import FULL
 from .progress import swallow
+
+if TYPE_CHECKING:
+    from .completion import Complete
 
 BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 """Exit codes of every command."""
@@ -30,6 +33,23 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 class Commands(click.Group):
     """A group that says an error the user can mend on one line and exits with 2; an interruption with 130."""
+
+    def main(self, *given: Any, **named: Any) -> Any:
+        """Run as a program, or answer a shell that completes a line."""
+        if f"_{self.name}_complete".replace("-", "_").upper() in os.environ:
+            from .completion import register
+
+            register()
+        return super().main(*given, **named)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that was asked for; of one that is not there, what was perhaps meant."""
+        word = args[0]
+        if not (word.startswith("-") or ctx.resilient_parsing or self.get_command(ctx, word)):
+            ctx.fail(f"No such command '{word}' ({nearest(word, self.list_commands(ctx), 'commands')}).")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
@@ -61,9 +81,15 @@ class Commands(click.Group):
             atexit.register(end_at_once)  # last in, first out: before what was imported meanwhile cleans up
 
 
-def set_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The option --set, which changes a key of ``what``; the command gets all of them as ``overrides``."""
-    return click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=f"Change a key of {what}.")
+def set_option(what: str, complete: Complete | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The option --set, which changes a key of ``what``; the command gets all of them as ``overrides``.
+
+    ``complete`` gives a shell the keys.
+    """
+    return click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=complete,
+        help=f"Change a key of {what}.",
+    )  # fmt: skip
 
 
 def complain(message: object) -> None:

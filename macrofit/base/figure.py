@@ -68,7 +68,7 @@ def save(figure: Any, target: Path, *, trim: bool = False) -> Path:
     """
     options: dict[str, Any] = {"bbox_inches": "tight"} if trim else {}
     if target.suffix == ".png":
-        options["pil_kwargs"] = {"compress_level": 3}  # twice as fast as 6, a seventh larger
+        options["pil_kwargs"] = {"compress_level": 1}  # three times as fast as 6, a fifth larger
     with replacing(target) as draft:
         figure.savefig(draft, **options)
     return target

@@ -82,6 +82,17 @@ def _too_large(path: Path, size: str, most_bytes: int) -> str:
     return f"{path}: cannot be read: is larger than {in_bytes(most_bytes)}, the most for a file of its kind ({size})"
 
 
+def placed_names(given: Any, folder: Path) -> Any:
+    """A file's name, several, or a table with `files`, made absolute: relative names begin in a folder."""
+    if isinstance(given, str):
+        return str((folder / given).resolve())
+    if isinstance(given, list | tuple):
+        return [placed_names(each, folder) if isinstance(each, str) else each for each in given]
+    if isinstance(given, Mapping) and "files" in given:
+        return {**given, "files": placed_names(given["files"], folder)}
+    return given
+
+
 def in_bytes(size: int) -> str:
     """A size in bytes, kB, MB or GB."""
     for factor, unit in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):

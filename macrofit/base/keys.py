@@ -51,6 +51,34 @@ def decode_tables(tables: Mapping[str, Any], kind: type[Table], whole: str) -> T
         raise KeyMistake(_one_line(error, tables, kind, whole)) from None
 
 
+def dotted_keys(kind: type[msgspec.Struct]) -> dict[str, list[str]]:
+    """Every dotted key of the tables under a record, with its values where these are few."""
+    from msgspec import inspect
+
+    found: dict[str, list[str]] = {}
+    _gather_keys(inspect.type_info(kind), "", found)
+    return found
+
+
+def _gather_keys(info: Any, where: str, found: dict[str, list[str]]) -> None:
+    """Add the keys of the tables that a key may hold, or else the key itself with its values."""
+    from msgspec import inspect
+
+    kinds = [_plain(each) for each in getattr(_plain(info), "types", (_plain(info),))]
+    tables = [each for each in kinds if isinstance(each, inspect.StructType)]
+    for table in tables:
+        if table.tag_field is not None:
+            found.setdefault(join_keys(where, table.tag_field), []).append(str(table.tag))
+        for name, inner in _field_types(table).items():
+            _gather_keys(inner, join_keys(where, name), found)
+    if tables:
+        return
+    literals = [value for each in kinds if isinstance(each, inspect.LiteralType) for value in each.values]
+    switch = ["true", "false"] if any(isinstance(each, inspect.BoolType) for each in kinds) else []
+    values = found.setdefault(where, [])
+    values += [value for value in (*map(str, literals), *switch) if value not in values]
+
+
 def join_keys(where: str, key: str) -> str:
     """The dotted key of a key within a table."""
     return f"{where}.{key}" if where else key

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import errno
 import os
 import sys
+import termios
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -64,6 +67,16 @@ def say(text: str, stream: IO[str] | None = None) -> None:
         ) from None
 
 
+def announce(text: str, *, quiet: bool) -> None:
+    """Say on the first rank what is going to be done, at once: before the libraries are loaded that it needs.
+
+    Raises:
+        OutputError: as `say`.
+    """
+    if is_first_rank() and not quiet:
+        say(text)
+
+
 def swallow(stream: IO[str]) -> None:
     """Let a stream that cannot be written lose what it still holds: Python would fail on it once more in the end."""
     with suppress(OSError, ValueError):
@@ -96,6 +109,7 @@ class Bar:
         self._columns, self._options = columns, options
         self._bar: Any = None
         self._task: Any = None
+        self._echo = ControlEcho()
         self._drawn = 0.0
 
     def start(self, total: int, completed: int = 0, description: str = "", **fields: Any) -> None:
@@ -106,6 +120,7 @@ class Bar:
             getattr(progress, name)() if hasattr(progress, name) else progress.TextColumn(name)
             for name in self._columns
         ]
+        self._echo.hide()
         self._bar = progress.Progress(*columns, auto_refresh=False, **self._options)
         self._bar.start()
         self._task = self._bar.add_task(description, total=total, completed=completed, **fields)
@@ -125,9 +140,48 @@ class Bar:
         if self._bar is not None:
             self._bar.console.print(text, markup=False, highlight=False)
 
-    def stop(self) -> None:
-        """Draw the bar a last time and give the terminal back."""
+    @property
+    def shown(self) -> bool:
+        """Whether the bar is on the screen."""
+        return self._bar is not None
+
+    def stop(self, *, keep: bool = True) -> None:
+        """Draw the bar a last time and give the terminal back; without ``keep`` it is taken away."""
         if self._bar is not None:
+            self._bar.live.transient |= not keep
             self._bar.refresh()
             self._bar.stop()
             self._bar = None
+        self._echo.show()
+
+
+class ControlEcho:
+    """The `^C` that a terminal shows where Ctrl-C is typed: it would push a bar off the line it is redrawn on."""
+
+    def __init__(self) -> None:
+        self._terminal = -1
+
+    def hide(self) -> None:
+        """Show it no more; nothing where the standard output is no terminal or belongs to another job."""
+        with suppress(OSError, ValueError, termios.error):
+            terminal = sys.stdout.fileno()
+            if termios.tcgetattr(terminal)[3] & termios.ECHOCTL:
+                self._switch(terminal)
+                self._terminal = terminal
+                atexit.register(self.show)
+
+    def show(self) -> None:
+        """Show it again, as before."""
+        if self._terminal >= 0:
+            with suppress(OSError, termios.error):
+                self._switch(self._terminal)
+            self._terminal = -1
+            atexit.unregister(self.show)
+
+    @staticmethod
+    def _switch(terminal: int) -> None:
+        if os.tcgetpgrp(terminal) != os.getpgrp():  # in the background it would stop the process
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        attributes = termios.tcgetattr(terminal)
+        attributes[3] ^= termios.ECHOCTL
+        termios.tcsetattr(terminal, termios.TCSANOW, attributes)

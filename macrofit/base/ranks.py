@@ -5,17 +5,21 @@ from __future__ import annotations
 import importlib
 import pickle
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar, cast
 
-from .commands import flush
+from .commands import BUG, INTERRUPTED, USER_MISTAKE, complain, flush, say_bug, was_interrupted
 from .errors import MacrofitError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 Made = TypeVar("Made")
+PATIENCE_S = 2.0
+"""How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
 
 
 class _Told(NamedTuple):
@@ -74,6 +78,34 @@ def leave(comm: MPI.Comm, code: int) -> NoReturn:
     if comm.size > 1:
         comm.Abort(code)
     sys.exit(code)
+
+
+@contextmanager
+def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
+    """End every rank with the right code and one message: never a rank that waits for one that is gone.
+
+    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
+    """
+    try:
+        yield
+    except MacrofitError as error:  # raised on every rank together
+        if comm.rank == 0:
+            complain(error)
+        sys.exit(USER_MISTAKE)
+    except (KeyboardInterrupt, Exception) as error:
+        if was_interrupted(error):
+            if comm.rank == 0:
+                kept = (
+                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
+                )
+                complain(f"interrupted{kept}")
+            else:
+                time.sleep(PATIENCE_S)
+            leave(comm, INTERRUPTED)
+        if comm.size == 1:
+            raise
+        say_bug(comm.rank, comm.size)
+        leave(comm, BUG)
 
 
 def _told(error: Exception) -> _Told:

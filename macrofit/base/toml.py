@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .errors import MacrofitError, OutputError
+from .errors import MacrofitError, OutputError, nearest
 from .files import read_regular
 
 MOST_BYTES = 10_000_000
@@ -58,12 +58,18 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     except RecursionError:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}") from None
     except tomllib.TOMLDecodeError as error:
-        raise TomlError(f"{source}: not valid TOML: {error}") from None
+        raise TomlError(f"{source}: not valid TOML: {error}{_decimal_comma(text)}") from None
     except ValueError:
         raise TomlError(f"{source}: not valid TOML: an integer of thousands of digits") from None
     if depth_of(tables) > DEEPEST:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}")
     return tables
+
+
+def _decimal_comma(text: str) -> str:
+    """A word on the first number that is written with a decimal comma, ``key = 90,125``; empty where there is none."""
+    found = re.search(r"^[ \t]*[\w.\"-]+[ \t]*=[ \t]*([-+]?\d+),(\d+)[ \t]*(?:#.*)?$", text, re.MULTILINE)
+    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
 
 
 def depth_of(value: Any) -> int:
@@ -131,9 +137,7 @@ def last_part(key: str) -> str:
 
 def unknown_key(key: str, known: Sequence[str]) -> str:
     """What to say of a key that is not there, with the nearest one that is."""
-    close = difflib.get_close_matches(key.rpartition(".")[2], known, n=1)
-    remedy = f"did you mean '{close[0]}'?" if close else f"known keys: {', '.join(known)}"
-    return f"{key}: unknown key ({remedy})"
+    return f"{key}: unknown key ({nearest(key.rpartition('.')[2], known, 'known keys')})"
 
 
 def _split_at_equals(text: str) -> tuple[str, str] | None:

@@ -100,6 +100,12 @@ def known_unit(written: str) -> str | None:
     return alike[0] if len(alike) == 1 and small != "mn" else None
 
 
+def is_other_unit(written: str) -> bool:
+    """Whether a cell in a row of units is none of those above: one of another kind, a quotient, or nothing."""
+    plain = written.strip("[]()- ").lower()
+    return not plain or plain in OTHERS or re.fullmatch(r"[a-zµ°%1]+/[a-z]+[²2³3]?", plain) is not None
+
+
 def kind_of(unit: str) -> Kind:
     """Whether a known unit is one of length, of force or of time."""
     return "length" if unit in LENGTHS else "force" if unit in FORCES else "time"

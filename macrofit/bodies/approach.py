@@ -7,7 +7,7 @@ so bodies from files too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..scene.checks import SMALL_STRAIN
 from ..scene.keys import MeshFile, Scene
 from ..scene.profile import sampled
-from .geometry import Generatrix, Sizes, draw_body, polyline
+from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
 from .magnitudes import check_drawing
 from .reader import read_mesh
 from .triangles import MeshData, ordered_line, place, tabulate_edges
@@ -86,6 +86,7 @@ def sides_of(scene: Scene) -> tuple[Side, Side]:
 
     Raises:
         MeshError: a file cannot be read.
+        SceneError: a profile cannot be read, or is none of this body.
     """
     radial = scene.direction == "radial"
     sides = []
@@ -93,11 +94,13 @@ def sides_of(scene: Scene) -> tuple[Side, Side]:
         shape, file = getattr(scene, body), getattr(scene.mesh, body)
         if isinstance(shape, MeshFile):
             where = f"mesh.{body}"
-            sides.append(side_of_mesh(read_mesh(str(file), body, scene.mesh.unit), where, contact, radial=radial))
+            side = side_of_mesh(read_mesh(str(file), body, scene.mesh.unit), where, contact, radial=radial)
+            sides.append(replace(side, line=with_profile(side.line, scene, body)))
             continue
         drawing = draw_body(shape, contact, Sizes.of(scene.mesh, contact))
         check_drawing(drawing, scene.mesh.coarse, scene.mesh.growth)
-        sides.append(Side(line=drawing.generatrix, beside=np.zeros((0, 2, 2)), outward=outward if radial else -outward))
+        line = with_profile(drawing.generatrix, scene, body)
+        sides.append(Side(line=line, beside=np.zeros((0, 2, 2)), outward=outward if radial else -outward))
     return sides[0], sides[1]
 
 

@@ -8,7 +8,7 @@ adjacent cells, which the traction of the bulk stress depends on.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,7 @@ from .approach import Side, beside_line
 from .elasticity import weak_form
 from .fenics import Discretisation, discretise
 from .gauss import GaussPoints
-from .geometry import Generatrix, Sizes, draw_body, polyline
+from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
 from .mesh import MeshData, mesh_drawing, read_mesh
 from .triangles import ordered_line
 
@@ -123,6 +123,7 @@ class Body:
             radial=scene.direction == "radial",
             with_cells=which == "axle" and scene.contact.formulation == "nitsche",
         )
+        self.line = replace(self.line, generatrix=with_profile(self.line.generatrix, scene, which))
         self.supported = np.zeros((len(self.space.nodes), 2), dtype=bool)
         for name, component in SUPPORTS:
             if name in self.space.edges:
@@ -131,12 +132,16 @@ class Body:
         self.stabilisation: sp.csr_matrix | None = None
         self.factorisations = 0
         self.back_substitutions = 0
-        self._factor: Factor | None = None
 
     @cached_property
     def gauss(self) -> GaussPoints:
         """Its Gauss points, for stresses and for flow."""
         return GaussPoints(self.space)
+
+    @cached_property
+    def kept_factor(self) -> Factor:
+        """The factor of K in the order with the least entries, made when it is first needed."""
+        return self._factored()
 
     @property
     def dofs(self) -> int:
@@ -225,11 +230,9 @@ class Body:
 
     def solve(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k) [mm], from nodal loads (dofs, k) [N]; loads on supports do nothing."""
-        if self._factor is None:
-            self._factor = self._factored()
         free = loads.copy()
         free.reshape(len(self.supported), 2, -1)[self.supported] = 0.0
-        out = self._factor.solve(free)
+        out = self.kept_factor.solve(free)
         self.back_substitutions += loads.shape[1]
         return out
 

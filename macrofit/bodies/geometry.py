@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MeshError
-from ..scene.keys import Disc, Hub, MeshKeys, Shaft
+from ..scene.deviation import Deviation, check_cover, deviation_of
+from ..scene.keys import Disc, Hub, MeshFile, MeshKeys, Scene, Shaft
 from ..scene.profile import bore_profile, seat_profile
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,6 +53,9 @@ class Generatrix:
     Piece k spans breaks[k] <= s <= breaks[k + 1]. With bend[k] = 0 it is the line
     h = height0[k] + slope0[k] (s - breaks[k]); with bend = +1 or -1 (centre below or above the line) it is the arc
     h = centre_h[k] + bend[k] sqrt(radius[k]^2 - (s - centre_s[k])^2).
+
+    The surface that meets the other body may differ from what is drawn and meshed: a measured ``deviation`` comes on
+    top, and a warm body is larger by its thermal strain.
     """
 
     breaks: FloatArray
@@ -61,9 +65,24 @@ class Generatrix:
     centre_s: FloatArray
     centre_h: FloatArray
     radius: FloatArray
+    deviation: Deviation | None = None
+    thermal_strain: float = 0.0
 
     def height(self, s: FloatArray) -> FloatArray:
-        """Height h(s) of the line [mm]."""
+        """Height h(s) of the surface [mm]."""
+        height = self._drawn_height(s)
+        if self.deviation is not None:
+            height = height + self.deviation.at(s)
+        return height if self.thermal_strain == 0.0 else (1.0 + self.thermal_strain) * height
+
+    def slope(self, s: FloatArray) -> FloatArray:
+        """Slope dh/ds of the surface [-]."""
+        slope = self._drawn_slope(s)
+        if self.deviation is not None:
+            slope = slope + self.deviation.slope(s)
+        return slope if self.thermal_strain == 0.0 else (1.0 + self.thermal_strain) * slope
+
+    def _drawn_height(self, s: FloatArray) -> FloatArray:
         k = self._piece(s)
         line = self.height0[k] + self.slope0[k] * (s - self.breaks[k])
         if not self.bend.any():
@@ -71,8 +90,7 @@ class Generatrix:
         root = np.sqrt(np.maximum(self.radius[k] ** 2 - (s - self.centre_s[k]) ** 2, 0.0))
         return np.where(self.bend[k] == 0.0, line, self.centre_h[k] + self.bend[k] * root)
 
-    def slope(self, s: FloatArray) -> FloatArray:
-        """Slope dh/ds of the line [-]."""
+    def _drawn_slope(self, s: FloatArray) -> FloatArray:
         k = self._piece(s)
         if not self.bend.any():
             return self.slope0[k]
@@ -137,6 +155,20 @@ class Drawing:
     generatrix: Generatrix
     contact: str  # name of the contact line, "seat" or "bore"
     sizes: Sizes
+
+
+def with_profile(line: Generatrix, scene: Scene, body: str) -> Generatrix:
+    """The contact line of a body with the profile that the scene gives it on top.
+
+    Raises:
+        SceneError: the profile cannot be read, or does not cover the line.
+    """
+    deviation = deviation_of(scene, body)
+    if deviation is None:
+        return line
+    if isinstance(getattr(scene, body), MeshFile):  # of a drawn body the keys tell
+        check_cover(deviation, float(line.breaks[0]), float(line.breaks[-1]))
+    return replace(line, deviation=deviation)
 
 
 def polyline(points: FloatArray, middles: FloatArray | None = None) -> Generatrix:

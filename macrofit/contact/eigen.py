@@ -16,8 +16,8 @@ class Eigen:
 
     displacement: FloatArray
     """u_p = K^-1 f_p of the trace nodes (2 trace nodes,) [mm]."""
-    traction: FloatArray
-    """n . D eps_p (facets, 2 ends, 2): its normal and tangential parts at the ends of each facet [MPa]."""
+    traction: FloatArray | None
+    """n . D eps_p (facets, 2 ends, 2): its normal and tangential parts at the ends of each facet [MPa]; of the axle."""
 
 
 def shifted(contact: ContactProblem, coordinate: FloatArray, eigen: dict[str, Eigen]) -> ContactProblem:
@@ -26,7 +26,7 @@ def shifted(contact: ContactProblem, coordinate: FloatArray, eigen: dict[str, Ei
     coupling, covered = contact.coupling, contact.covered
     if "axle" in eigen:
         approach -= covered.trial_moments(eigen["axle"].displacement)
-        if contact.nitsche:
+        if contact.nitsche and eigen["axle"].traction is not None:
             approach -= _traction_moments(contact, coordinate, eigen["axle"].traction) / covered.gamma
     if "wheel" in eigen:
         bore = eigen["wheel"].displacement

@@ -42,6 +42,7 @@ class MortarCoupling:
     axial_share_undeformed: (
         FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see `contact.law`
     )
+    thermal_strain: float  # of the wheel
     clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
@@ -158,6 +159,7 @@ def _coupling(
         slope=_dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
         gap=_mean(test, gap, which, len(portions.facet)),
         axial_share_undeformed=_mean(test, axial_share_undeformed, which, len(portions.facet)),
+        thermal_strain=bore.generatrix.thermal_strain,
         clearance=clearance,
     )
 

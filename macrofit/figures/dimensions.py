@@ -9,8 +9,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import singledispatch
+from pathlib import Path
 from typing import Any
 
+from ..base.progress import printable
 from ..scene.keys import Disc, Hub, MeshFile, Scene, Shaft
 from ..scene.profile import bore_profile, seat_profile
 
@@ -76,7 +78,7 @@ def unmeasured(scene: Scene, drawn: list[View]) -> list[str]:
         for key in () if isinstance(body, MeshFile) else body.__struct_fields__:
             if key != "material" and f"{table}.{key}" not in there:
                 value = getattr(body, key)
-                words.append(f"{table}.{key}" + (" left out" if value is None else f" = {value:g}"))
+                words.append(f"{table}.{key}" + (" left out" if value is None else f" = {_written(value)}"))
     return words
 
 
@@ -220,6 +222,10 @@ def _around(z0: float, z1: float, r0: float, r1: float) -> tuple[float, float, f
     margin, middle = AROUND * side, 0.5 * (r0 + r1)
     half = max(0.5 * (r1 - r0) + 0.5 * margin, 0.33 * side)
     return (z0 - margin, z1 + margin, middle - half, middle + half)
+
+
+def _written(value: float | str) -> str:
+    return printable(Path(value).name) if isinstance(value, str) else f"{value:g}"
 
 
 def _label(body: Any, table: str, key: str) -> str:

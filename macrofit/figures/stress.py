@@ -1,8 +1,8 @@
-"""The picture of von Mises stress in both bodies, whole or zoomed on the entrance of the seat.
+"""The picture of von Mises stress in both bodies, whole or zoomed on both ends of the contact.
 
 Stress is shown at the nodes, z to the right and r upwards, on the deformed shape, not magnified: undeformed,
-the two bodies would overlap by the interference just where it matters. The map is viridis; a vermilion line encloses
-what flowed.
+the two bodies would overlap by the interference just where it matters. The map is viridis, on one scale for all views
+of a figure; a vermilion line encloses what flowed, a dashed one what an elastic body has beyond its yield stress.
 """
 
 from __future__ import annotations
@@ -12,59 +12,126 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..base.arrays import FloatArray, IntArray
-from ..base.figure import VERMILION, sheet
-from ..scene.keys import Shaft
+from ..acceptance.fit import yield_stresses
+from ..base.arrays import FloatArray
+from ..base.figure import blank, placed
+from .body import (
+    Window,
+    colour_bar,
+    deformed,
+    draw_axis,
+    draw_field,
+    draw_push,
+    draw_yield,
+    frame_view,
+    inside,
+    largest_node,
+    mark_largest,
+    name_bodies,
+    whole_window,
+)
 
 if TYPE_CHECKING:
     from ..solution import BodyField, Solution
 
-YIELDED = 1e-5
-"""Accumulated plastic strain at the contour of what flowed."""
+LEFT, BETWEEN, RIGHT, BELOW = 0.72, 0.62, 1.0, 0.55
+"""Around and between the views; to the right the bar of colours [inch]."""
+ASPECT = 0.75
+"""Height of a view of an end over its width."""
 
-Window = tuple[FloatArray, FloatArray]
-"""Lowest and highest (r, z) [mm]."""
+
+class _View(NamedTuple):
+    window: Window
+    title: str
 
 
 def stress(solution: Solution, zoom: float | None = None) -> Any:
     """Von Mises stress of both bodies at the last displacement with fields, on one scale.
 
-    With ``zoom`` [mm]: a window of that width on the seat's entrance, or where none is drawn on the largest stress.
+    With ``zoom`` [mm]: windows of that width on both ends of the contact, or where the gap is not along the radius one
+    on the largest stress.
     """
     at = max(solution.fields, key=lambda displacement: _order(solution, displacement))
     bodies = solution.fields[at]
     marks = _marks(solution, at)
-    if zoom is None:
-        points = np.concatenate([_deformed(field) for field in bodies.values()])
-        margin = 0.03 * np.ptp(points, axis=0)
-        window = (points.min(axis=0) - margin, points.max(axis=0) + margin)
-    else:
-        half = 0.5 * zoom * np.array([0.75, 1.0])
-        axle = solution.scene.axle
-        place = np.array([axle.seat_radius, 0.0]) if isinstance(axle, Shaft) else _centre(bodies, marks)
-        centre = np.maximum(place, [half[0], -np.inf])  # nothing lies beyond the axis
-        window = (centre - half, centre + half)
-    figure, (axes,) = sheet(*_frame(window[1] - window[0]))
-    shown = [field.von_mises[_inside(_deformed(field), window)] for field in bodies.values()]
-    top = max(float(values.max(initial=0.0)) for values in shown)
-    for field in bodies.values():
-        drawn = _draw_body(axes, field, window, top)
-    _annotate(axes, {body: mark for body, mark in marks.items() if _inside(mark.place, window)}, window)
-    (low_r, low_z), (high_r, high_z) = window
-    axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r), aspect="equal", xlabel="z [mm]", ylabel="r [mm]")
-    axes.spines[["top", "right"]].set_visible(zoom is not None)
-    figure.colorbar(drawn, ax=axes, label="von Mises stress [MPa]", fraction=0.05, pad=0.03)
-    axes.set_title(_title(solution, at, columns=int(13 * figure.get_figwidth())), fontsize=10)
+    views = [_View(whole_window(list(bodies.values())), "")] if zoom is None else _ends(solution, at, marks, zoom)
+    scale = min((6.5, 6.5, 4.0)[len(views)] / _extent(views[0])[1], 6.0 / _extent(views[0])[0])
+    height, width = scale * _extent(views[0])
+    across = LEFT + len(views) * width + (len(views) - 1) * BETWEEN + RIGHT
+    title = _title(solution, at, columns=int(13 * max(across, 4.6)))
+    above = 0.18 + 0.19 * title.count("\n") + (0.5 if views[0].title else 0.3)
+    figure = blank(max(across, 4.6), BELOW + height + above)
+    figure.suptitle(title, fontsize=10, y=1.0 - 0.08 / (BELOW + height + above), va="top")
+    top = max(largest_node(bodies, view.window)[2] for view in views)
+    for k, view in enumerate(views):
+        axes = placed(figure, LEFT + k * (width + BETWEEN), BELOW, width, height)
+        drawn = _draw_view(axes, solution, bodies, view, top)
+        name_bodies(axes, bodies, view.window, _mark(axes, bodies, marks, view.window))
+        axes.set_ylabel("" if k else "r [mm]")
+    colour_bar(figure, drawn, "von Mises stress [MPa]", (across - RIGHT + 0.15, BELOW, 0.16, min(height, 4.5)))
     return figure
+
+
+def _draw_view(axes: Any, solution: Solution, bodies: Mapping[str, BodyField], view: _View, top: float) -> Any:
+    from matplotlib.colors import Normalize
+
+    bounds = yield_stresses(solution.scene)
+    for body, field in bodies.items():
+        drawn = draw_field(axes, field, view.window, field.von_mises, scale=Normalize(0.0, top or 1.0))
+        draw_yield(axes, field, view.window, bounds.get(body))
+    frame_view(axes, view.window)
+    if solution.scene.direction == "radial" and "wheel" in bodies and not view.title:
+        draw_push(axes, bodies["wheel"], view.window)
+    draw_axis(axes, view.window)
+    axes.set_xlabel("z [mm]")
+    axes.set_title(view.title, fontsize=9)
+    axes.spines[["top", "right"]].set_visible(bool(view.title))
+    return drawn
+
+
+def _extent(view: _View) -> FloatArray:
+    return view.window[1] - view.window[0]
+
+
+def _ends(solution: Solution, displacement: float, marks: Mapping[str, _Mark], zoom: float) -> list[_View]:
+    """Views of both ends of what carries pressure; one where they are closer than half a window, or have no radius."""
+    half = 0.5 * zoom * np.array([ASPECT, 1.0])
+    record = solution.increments[max(0, _order(solution, displacement))]
+    held = np.flatnonzero(record.facets.pressure > 0.0)
+    if solution.scene.direction != "radial" or not len(held):
+        return [_around(_centre(solution.fields[displacement], marks), half, "where the stress is largest")]
+    axle = solution.fields[displacement]["axle"]
+    ends = [_on_surface(axle, float(solution.seat[k])) for k in (held[0], held[-1] + 1)]
+    if abs(ends[1][1] - ends[0][1]) < half[1]:
+        return [_around(0.5 * (ends[0] + ends[1]), half, "the contact")]
+    names = ("end of the contact at the seat's entrance", "end of the contact at the wheel's leading edge")
+    return [_around(end, half, name) for end, name in zip(ends, names, strict=True)]
+
+
+def _around(centre: FloatArray, half: FloatArray, title: str) -> _View:
+    low = np.maximum(centre - half, [0.0, -np.inf])  # nothing lies beyond the axis
+    return _View((low, low + 2.0 * half), title)
+
+
+def _on_surface(axle: BodyField, z: float) -> FloatArray:
+    """The outermost node of the axle about a place along it."""
+    place = deformed(axle)
+    reach = 0.02 * float(np.ptp(place[:, 1]))
+    near = place[np.abs(place[:, 1] - z) <= max(reach, float(np.abs(place[:, 1] - z).min()))]
+    return np.array([float(near[:, 0].max()), z])
 
 
 def _title(solution: Solution, displacement: float, columns: int) -> str:
     """What is shown, and the run's largest stress where that is of another displacement."""
     lines = textwrap.wrap(solution.scene.title, columns)
     flowed = any(zone.area_mm2 for zone in solution.flowed.values())
-    lines.append(f"displacement {displacement:g} mm" + (", flowed within the line" if flowed else ""))
+    beyond = bool(solution.beyond_yield)
+    lines.append(
+        f"displacement {displacement:g} mm"
+        + (", flowed within the line" if flowed else "")
+        + (", beyond yield within the dashed line" if beyond else "")
+    )
     extremes = solution.max_von_mises
     if extremes:
         body = max(extremes, key=lambda name: extremes[name].value)
@@ -92,12 +159,27 @@ def _marks(solution: Solution, displacement: float) -> dict[str, _Mark]:
     return marks
 
 
+def _mark(axes: Any, bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark], window: Window) -> list[FloatArray]:
+    """The largest stresses of the run that are in the window, or the largest at a node in it; as `mark_largest`."""
+    seen = {body: mark for body, mark in marks.items() if inside(mark.place, window)}
+    if not seen:
+        body, place, value = largest_node(bodies, window)
+        if value == 0.0:
+            return []
+        return mark_largest(axes, window, body, place, f"{body}, largest here: {value:.0f} MPa")
+    return [
+        place
+        for body, mark in seen.items()
+        for place in mark_largest(axes, window, body, mark.place, f"{body}, largest of the run: {mark.value:.0f} MPa")
+    ]
+
+
 def _centre(bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark]) -> FloatArray:
     """Where the run's largest stress is; where it is not of this displacement, the largest at a node."""
     if marks:
         return max(marks.values(), key=lambda mark: mark.value).place
     field = max(bodies.values(), key=lambda field: float(field.von_mises.max()))
-    centre: FloatArray = _deformed(field)[int(field.von_mises.argmax())]
+    centre: FloatArray = deformed(field)[int(field.von_mises.argmax())]
     return centre
 
 
@@ -105,82 +187,3 @@ def _order(solution: Solution, displacement: float) -> int:
     """Number of the last increment at this displacement: the motion may come by more than once."""
     near = np.flatnonzero(np.abs(solution.displacement - displacement) < 1e-9)
     return int(near[-1]) if len(near) else -1
-
-
-def _deformed(field: BodyField) -> FloatArray:
-    return field.points + field.displacement
-
-
-def _inside(points: FloatArray, window: Window) -> npt.NDArray[np.bool_]:
-    return np.asarray(((points >= window[0]) & (points <= window[1])).all(axis=-1))
-
-
-def _annotate(axes: Any, marks: Mapping[str, _Mark], window: Window) -> None:
-    for body, mark in marks.items():
-        r, z = mark.place
-        right = z < 0.5 * (window[0][1] + window[1][1])
-        low = r < window[0][0] + 0.15 * (window[1][0] - window[0][0])
-        offset = (12 if right else -12, 26 if body == "wheel" else 52 if low else -26)
-        axes.plot(z, r, "o", ms=8, mfc="none", mec=VERMILION, mew=1.6)
-        axes.annotate(
-            f"{body}, largest of the run: {mark.value:.0f} MPa", (z, r), offset, textcoords="offset points",
-            ha="left" if right else "right", va="center", fontsize=9,
-            arrowprops={"arrowstyle": "-", "color": VERMILION, "relpos": (0.0 if right else 1.0, 0.5)},
-            bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": "none", "alpha": 0.85},
-        )  # fmt: skip
-
-
-def _draw_body(axes: Any, field: BodyField, window: Window, top: float) -> Any:
-    """Colours of the triangles that reach into the window, and the outline of the body."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.tri import Triangulation
-
-    place = _deformed(field)
-    corners = place[field.cells]
-    reach = (corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1])
-    seen = field.cells[reach.all(axis=1)] if reach.all(axis=1).any() else field.cells[:1]
-    drawn = axes.tripcolor(
-        Triangulation(place[:, 1], place[:, 0], _split(seen)), field.von_mises,
-        shading="gouraud", cmap="viridis", vmin=0.0, vmax=top, rasterized=True,
-    )  # fmt: skip
-    if _crosses(field, seen):
-        mesh = Triangulation(place[:, 1], place[:, 0], _split(seen))
-        axes.tricontour(mesh, field.plastic_strain, levels=[YIELDED], colors=[VERMILION], linewidths=1.0)
-    axes.add_collection(LineCollection(list(place[_outline(field.cells)][..., ::-1]), colors="black", linewidths=0.6))
-    return drawn
-
-
-def _crosses(field: BodyField, cells: IntArray) -> bool:
-    """Whether the border of what flowed crosses some of the cells."""
-    if field.plastic_strain is None:
-        return False
-    flowed = field.plastic_strain[cells]
-    return bool(flowed.min() < YIELDED < flowed.max())
-
-
-def _split(cells: IntArray) -> IntArray:
-    """Each quadratic triangle as four linear ones through its middles, so that every nodal value is shown."""
-    if cells.shape[1] == 3:
-        return cells
-    parts = [[0, 5, 4], [1, 3, 5], [2, 4, 3], [3, 4, 5]]
-    return np.concatenate([cells[:, part] for part in parts])
-
-
-def _outline(cells: IntArray) -> IntArray:
-    """The edges that belong to one triangle only, (n, 2), quadratic ones halved."""
-    corners = np.array([[0, 1], [1, 2], [2, 0]])
-    edges = cells[:, corners].reshape(-1, 2)
-    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    alone = first[count == 1]
-    if cells.shape[1] == 3:
-        return np.asarray(edges[alone])
-    middles = cells[:, [5, 3, 4]].reshape(-1)[alone]
-    ends = edges[alone]
-    return np.concatenate([np.column_stack([ends[:, 0], middles]), np.column_stack([middles, ends[:, 1]])])
-
-
-def _frame(extent: FloatArray) -> tuple[float, float]:
-    """Width and height of a figure [inch] that suits an extent (r, z) drawn to scale."""
-    height, width = float(extent[0]), float(extent[1])
-    scale = min(6.5 / width, 6.5 / height)
-    return max(width * scale, 2.8) + 1.9, max(height * scale, 1.6) + 1.1

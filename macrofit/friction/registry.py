@@ -56,6 +56,15 @@ def load_options(name: str, options: Mapping[str, object]) -> ProviderOptions:
     return decode_options(name, _options_class(entry), options)
 
 
+def options_record(name: str) -> type[msgspec.Struct]:
+    """The record that holds the options of provider `name`.
+
+    Raises:
+        ProviderError: as `load_options`.
+    """
+    return _options_class(_entry(name))
+
+
 def build_provider(name: str, options: Mapping[str, object], context: BuildContext) -> FrictionProvider:
     """The provider `name` with these options, ready to be asked.
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arrays import FloatArray
+from ..base.columns import find_start, headings_of, numbers_of
 from ..base.textfile import TextTable, read_text_table
-from ..base.units import AMBIGUOUS, FORCES, LENGTHS, Heading, kind_of, known_unit, read_heading
-from ..errors import OutputError
+from ..base.units import AMBIGUOUS, FORCES, LENGTHS, Heading
+from ..errors import OutputError, SceneError
 
 MOST_BYTES = 100_000_000
 """Size of a curve; an hour at 1 kHz has about as much."""
@@ -85,10 +86,10 @@ def read_measured(path: Path, reading: Reading | None = None) -> Measured:
     """
     reading = reading or Reading()
     table = read_text_table(path, MOST_BYTES)
-    preamble, first = _find_start(table)
-    headings = _headings(preamble, len(first))
+    preamble, first = find_start(table, "displacement [mm] and force [N]")
+    headings = headings_of(preamble, len(first), {"length", "force"})
     places, forces = _choose(table, headings, first, reading.columns)
-    lines, values = _numbers(table, len(preamble), len(first), (places.index, forces.index))
+    lines, values = numbers_of(table, len(preamble), len(first), (places.index, forces.index))
     along, force = values.T * np.array([[places.factor], [forces.factor]])
     if max(np.abs(along).max(), np.abs(force).max()) > LARGEST:
         raise OutputError(f"{path}: holds numbers beyond {LARGEST:g} mm or N")
@@ -202,52 +203,6 @@ def check_scale(measured: FloatArray, computed: FloatArray, assumed: Sequence[st
     raise OutputError(f"the measured forces reach {top:g} N, the computed ones {reached:.3g} N{guess}")
 
 
-def _find_start(table: TextTable) -> tuple[list[list[str]], list[str]]:
-    """The cells of each line before the first row of numbers, and those of that row.
-
-    Raises:
-        OutputError: no line has two numbers, or the line before them may be a damaged row of the curve.
-    """
-    preamble: list[list[str]] = []
-    number, line, numeric = 0, "", False
-    for place, text, cells in table.rows():
-        if text.startswith("#"):
-            preamble.append(table.style.cells(text.lstrip("# ")))
-            numeric = numeric and table.style.number(table.style.cells(line)[0]) is not None
-            continue
-        numbers = sum(table.style.number(cell) is not None for cell in cells)
-        if numbers >= 2 and not numeric:
-            return preamble, cells
-        if numbers >= 2:
-            raise OutputError(
-                f"{table.path}: line {number}: '{line[:60]}' is not two finite numbers; if it is no row of the curve, "
-                f"write # before it"
-            )
-        number, line, numeric = place, text, numbers == 1
-        preamble.append(cells)
-    first, text = next((place, text) for place, text in table.lines if not text.startswith("#"))
-    raise OutputError(
-        f"{table.path}: line {first}: '{text[:60]}' has no two columns of numbers, displacement [mm] and force [N], "
-        f"and neither has any line below it"
-    )
-
-
-def _headings(preamble: list[list[str]], width: int) -> list[Heading] | None:
-    """What the last rows before the numbers, those of names and of units, say of the columns; None for nothing."""
-    rows = [cells for cells in preamble if any(cells)]
-    if not rows or len(rows[-1]) != width:
-        return None
-    last = rows[-1]
-    known = [known_unit(cell.strip("[]() ")) for cell in last]
-    kinds = {kind_of(unit) for unit in known if unit is not None}
-    named = all(unit or not cell.strip("[]()- ") for unit, cell in zip(known, last, strict=True))
-    framed = all(cell in ("", "-") or (cell[0] in "[(" and cell[-1] in "])") for cell in last)
-    if not framed and not (named and {"length", "force"} <= kinds):
-        return [read_heading(name) for name in last]
-    names = rows[-2] if len(rows) > 1 and len(rows[-2]) == width else [""] * width
-    return [read_heading(name, unit) for name, unit in zip(names, last, strict=True)]
-
-
 def _choose(
     table: TextTable, headings: list[Heading] | None, first: list[str], asked: tuple[str, str] | None
 ) -> tuple[_Column, _Column]:
@@ -346,27 +301,6 @@ def _column(
     return _Column(index=chosen[which], heading=heading, unit=unit or default, factor=factor, assumed=unit is None)
 
 
-def _numbers(table: TextTable, skip: int, width: int, chosen: tuple[int, int]) -> tuple[list[int], FloatArray]:
-    """Line numbers and values (n, 2) of the chosen columns, all that follow the first row of numbers.
-
-    Raises:
-        OutputError: a line that is no row of numbers.
-    """
-    numbers: list[int] = []
-    rows: list[tuple[float, float]] = []
-    for number, line, cells in list(table.rows())[skip:]:
-        if line.startswith("#"):
-            continue
-        pair = [table.style.number(cells[i]) if i < len(cells) else None for i in chosen]
-        if pair[0] is None or pair[1] is None or not np.isfinite(pair[0] + pair[1]):
-            raise OutputError(f"{table.path}: line {number}: '{line[:60]}' is not two finite numbers")
-        if len(cells) > width:
-            raise OutputError(f"{table.path}: line {number}: has {len(cells)} cells, those before it {width}")
-        numbers.append(number)
-        rows.append((pair[0], pair[1]))
-    return numbers, np.array(rows).reshape(-1, 2)
-
-
 def _check_swapped(path: Path, along: FloatArray, force: FloatArray, asked: tuple[str, str] | None) -> None:
     """Refuse two columns in the wrong order: what was taken for the force ascends, the displacement does not."""
     steps, other = np.diff(along), np.diff(force)
@@ -396,3 +330,24 @@ def _cut(
         low, high = float(along.min()), float(along.max())
         raise OutputError(f"{path}: nothing lies between --from and --to; the displacements are {low:g} to {high:g} mm")
     return lines[first:last], along[first:last], force[first:last]
+
+
+def interval(text: str | None) -> tuple[float, float] | None:
+    """LOW,HIGH as numbers. Raises SceneError."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
+    return low, high
+
+
+def two_columns(text: str | None) -> tuple[str, str] | None:
+    """D,F as two names or numbers. Raises SceneError."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
+        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
+    return parts[0], parts[1]

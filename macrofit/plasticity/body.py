@@ -22,10 +22,10 @@ from scipy.spatial import cKDTree
 from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import Body
 from ..bodies.elasticity import stiffness_moduli
-from ..bodies.gauss import point_matrix
 from ..contact.eigen import Eigen
 from .law import Hardening, PointState, flow, overshoot
-from .path import Path, StrainAlong
+from .path import Path, StrainAlong, Strains, unknowns_of
+from .substitution import Substitution
 
 NEIGHBOURS = 3
 """Points that a carried value is taken from."""
@@ -45,6 +45,18 @@ Changes: TypeAlias = Mapping[str, FloatArray | IntArray]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Ended:
+    """What the plastic strains of a state and the loads of the contact do together."""
+
+    displacement: FloatArray
+    """Displacement u (dofs,) [mm]."""
+    own: FloatArray
+    """Its part u_p by the plastic strains alone, at the trace nodes (2 trace nodes,) [mm]."""
+    load: FloatArray
+    """Load f_p of the plastic strains (dofs,) [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BodyFlow:
     """What a body's points remember, and what flowed in the last step."""
 
@@ -55,14 +67,16 @@ class BodyFlow:
     """Their plastic strain in it (m, 4) [-]."""
     moved: float
     """Travel of the wheel in it [mm]."""
+    ended: Ended | None = None
+    """Where it led to; None where that must be computed from the state and the loads, to the same bits."""
 
     @staticmethod
-    def between(before: PointState, after: PointState, moved: float) -> BodyFlow:
+    def between(before: PointState, after: PointState, moved: float, ended: Ended | None = None) -> BodyFlow:
         """The flow from one state to another."""
         grown = after.accumulated > before.accumulated
         points = np.flatnonzero(grown | (after.strain != before.strain).any(axis=1))  # p may swallow what it grew by
         gained = after.strain[points] - before.strain[points]
-        return BodyFlow(state=after, points=points, gained=gained, moved=moved)
+        return BodyFlow(state=after, points=points, gained=gained, moved=moved, ended=ended)
 
     def changes(self) -> Changes:
         """The points that flowed, and all that they remember, as named arrays."""
@@ -86,7 +100,9 @@ class PlasticBody:
         self.scale = np.sqrt(self.weight[:, None] * np.array([1.0, 1.0, 1.0, 0.5]))
         self.moduli = stiffness_moduli(body.material)
         self.shear_modulus = body.material.shear_modulus
-        self.operator = point_matrix(body.space, gauss.cell, gauss.strain, by_component=False)
+        every = np.arange(self.count)
+        self.strains = Strains(operators=gauss.strain, unknowns=unknowns_of(body.space, gauss.cell), points=every)
+        self._held, self.trace = np.flatnonzero(body.supported.ravel()), body.trace_dofs
         self._last_carried: tuple[float, sp.csr_matrix] | None = None
 
     def rest(self) -> BodyFlow:
@@ -99,13 +115,42 @@ class PlasticBody:
         """Strain operators at shifted points."""
         return StrainAlong(self.body.space, self.places)
 
+    @cached_property
+    def kept(self) -> Substitution:
+        """The kept factor of the body, for solutions in parts."""
+        return Substitution(self.body.kept_factor)
+
+    @cached_property
+    def line_part(self) -> IntArray:
+        """What displacements of the contact line need of the factor."""
+        return self.kept.reached(self.trace)
+
+    def forward(self, load: FloatArray, part: IntArray | None = None) -> FloatArray:
+        """The first half of a solution, see `Substitution`, for a load (dofs,) [N]; on supports it does nothing."""
+        self.body.back_substitutions += 1
+        load[self._held] = 0.0
+        return self.kept.forward(load, self.kept.reached(np.flatnonzero(load)) if part is None else part)
+
+    def contact_load(self, loads: FloatArray) -> FloatArray:
+        """Nodal loads (dofs,) [N] of those of the contact (2 loaded nodes,)."""
+        out = np.zeros(self.body.dofs)
+        out[self.trace.reshape(2, -1)[:, : len(loads) // 2].ravel()] = loads
+        return out
+
+    def ended(self, state: PointState, loads: FloatArray) -> Ended:
+        """What a state and the loads (2 loaded nodes,) of the contact lead to."""
+        load, own = np.zeros(self.body.dofs), np.zeros(len(self.trace))
+        y = np.zeros(self.body.dofs)
+        if state.accumulated.any():
+            load = self.load(state.strain)
+            y = self.forward(load.copy())
+            own = self.kept.backward(y, self.line_part)[self.trace]
+        y += self.forward(self.contact_load(loads))
+        return Ended(displacement=self.kept.backward(y, self.kept.everything), own=own, load=load)
+
     def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
         """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact and the plastic strains of a state."""
-        return self.body.solve(self.load(state.strain)[:, None])[:, 0] + self.displace(loads)
-
-    def displace(self, loads: FloatArray) -> FloatArray:
-        """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact alone [N]."""
-        return self.body.back_substitute(loads[:, None])[:, 0]
+        return self.ended(state, loads).displacement
 
     def expected(self, before: BodyFlow, moved: float) -> tuple[IntArray, FloatArray]:
         """Points that will probably flow in a step, and their plastic strain in it (m, 4).
@@ -137,29 +182,38 @@ class PlasticBody:
 
     def load(self, plastic: FloatArray) -> FloatArray:
         """f_p (dofs,) [N] of plastic strains (points, 4)."""
-        return np.asarray(self.operator.T @ (self.weight[:, None] * (plastic @ self.moduli)).ravel())
+        points = np.flatnonzero(plastic.any(axis=1))
+        return self.load_at(points, plastic[points])
+
+    def load_at(self, points: IntArray, plastic: FloatArray) -> FloatArray:
+        """f_p (dofs,) [N] of plastic strains (m, 4) of some points."""
+        return self.strains.at(points).load(self.weight[points, None] * (plastic @ self.moduli), self.body.dofs)
 
     def stress(self, displacement: FloatArray, plastic: FloatArray) -> FloatArray:
         """D (B u - eps_p) (points, 4) [MPa]."""
-        return np.asarray(((self.operator @ displacement).reshape(-1, 4) - plastic) @ self.moduli)
+        return np.asarray((self.strains.of(displacement) - plastic) @ self.moduli)
 
-    def traction(self, plastic: FloatArray) -> FloatArray:
-        """n . D eps_p at the ends of the facets (facets, 2 ends, 2): linear through the points of the cell behind."""
-        line = self.body.line
-        stress = plastic.reshape(-1, self.per_cell, 4)[self.body.line_cells] @ self.moduli
+    def traction(self, plastic: FloatArray, facets: IntArray | None = None) -> FloatArray:
+        """n . D eps_p at the ends of facets, of all by default: linear through the points of the cell behind.
+
+        Returns:
+            Normal and tangential part (facets, 2 ends, 2) [MPa].
+        """
+        line, which = self.body.line, np.arange(self.body.line.facets) if facets is None else facets
+        stress = plastic.reshape(-1, self.per_cell, 4)[self.body.line_cells[which]] @ self.moduli
         if self.per_cell == 1:
             ends = np.repeat(stress, 2, axis=1)
         else:  # 5/3 of the nearest, -1/3 of the others at a vertex
             corners = np.einsum("vp,fpi->fvi", 2.0 * np.eye(3) - 1.0 / 3.0, stress)
-            ends = np.take_along_axis(corners, line.ends[:, :, None], axis=1)
-        n_r, n_z = line.normals.T[:, :, None]
+            ends = np.take_along_axis(corners, line.ends[which][:, :, None], axis=1)
+        n_r, n_z = line.normals[which].T[:, :, None]
         t_r, t_z = n_r * ends[..., 0] + n_z * ends[..., 3], n_r * ends[..., 3] + n_z * ends[..., 1]
         return np.stack([n_r * t_r + n_z * t_z, n_r * t_z - n_z * t_r], axis=2)
 
-    def own_energy(self, displacement: FloatArray, plastic: FloatArray) -> float:
+    def own_energy(self, ended: Ended, plastic: FloatArray) -> float:
         """What eps_p adds to 1/2 f_c . u to give the elastic energy: 1/2 sum w eps_p D eps_p - 1/2 f_p . u [N mm]."""
         stored = float(self.weight @ ((plastic @ self.moduli) * plastic).sum(axis=1))
-        return 0.5 * (stored - float(self.load(plastic) @ displacement))
+        return 0.5 * (stored - float(ended.load @ ended.displacement))
 
 
 class BodyStep:
@@ -179,77 +233,100 @@ class BodyStep:
         self._parts = max(
             1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9))
         )
-        self._loads = loads
-        self._path: Path | None = None
+        self._loads, self._started = loads, before.ended
         self._flowed_before = bool(before.state.accumulated.any())
         self._whole = before.state.strain.copy()
         self._chosen = np.zeros(body.count, dtype=bool)
         points, gained = body.expected(before, moved)
+        self.expected_square = float(np.square(gained).sum())
         self._chosen[points] = True
         self._take()
         self.x = self._part.strain.copy()
         self.x[np.searchsorted(self.points, points)] += gained
 
-    def _over(self, displacement: FloatArray) -> FloatArray:
-        """How far all points would be beyond their yield surface at a displacement (dofs,) [MPa]."""
-        return overshoot(self.body.stress(displacement, self.before.strain), self.before, self.body.law)
+    @property
+    def _start(self) -> Ended:
+        """Displacement before the step."""
+        if self._started is None:
+            self._started = self.body.ended(self.before, self._loads)
+        return self._started
 
     @cached_property
-    def _base(self) -> FloatArray:
-        """f_p (dofs,) [N] of what flowed before the step."""
-        return self.body.load(self.before.strain)
-
-    @cached_property
-    def _start(self) -> FloatArray:
-        """Displacement before the step (dofs,) [mm]."""
-        return self.body.displaced(self.before, self._loads)
+    def _traction(self) -> FloatArray:
+        """Traction of the plastic strains before the step; only the axle's is looked for."""
+        return self.body.traction(self.before.strain)
 
     def _take(self) -> None:
-        self._path = None
+        body = self.body
+        self._path: Path | None = None
         self.points = np.flatnonzero(self._chosen)
-        rows = (4 * self.points[:, None] + np.arange(4)).ravel()
-        self._operator = self.body.operator[rows]
+        self._strains = body.strains.at(self.points)
+        self._inner_part = body.kept.reached(self._strains.reach)
+        self._zone_part = self._inner_part
         self._part = self.before.at(self.points)
-        self._weight = self.body.weight[self.points]
-        self.scale = self.body.scale[self.points]
+        self.scale = body.scale[self.points]
+        behind = self._chosen.reshape(-1, body.per_cell).any(axis=1)
+        self._facets = np.flatnonzero(behind[body.body.line_cells])
 
     def displace(self) -> FloatArray:
-        """u_p (dofs,) [mm] of the plastic strains x; no solve where nothing ever flowed."""
+        """u_p of the plastic strains x at the trace nodes (2 trace nodes,) [mm]."""
+        body = self.body
         if not self._flowed_before and not len(self.points):
-            return np.zeros(self.body.body.dofs)
-        gained = self._weight[:, None] * ((self.x - self._part.strain) @ self.body.moduli)
-        return self.body.body.solve((self._base + self._operator.T @ gained.ravel())[:, None])[:, 0]
+            self._y = np.zeros(body.body.dofs)
+            return np.zeros(len(body.trace))
+        load = body.load_at(self.points, self.x - self._part.strain)
+        self._y = body.forward(load, self._inner_part)
+        return self._start.own + body.kept.backward(self._y, body.line_part)[body.trace]
 
     def eigen(self, displacement: FloatArray) -> Eigen:
-        """What the plastic strains x and their displacement u_p do at the contact line."""
+        """What the plastic strains x and their displacement u_p at the trace nodes do at the contact line."""
+        if self.body.body.which != "axle":
+            return Eigen(displacement=displacement, traction=None)
         self._whole[self.points] = self.x
-        trace = self.body.body.trace_dofs
-        return Eigen(displacement=displacement[trace], traction=self.body.traction(self._whole))
+        traction = self._traction.copy()
+        traction[self._facets] = self.body.traction(self._whole, self._facets)
+        return Eigen(displacement=displacement, traction=traction)
 
-    def flowed(self, displacement: FloatArray) -> FloatArray:
-        """g(x): the plastic strains that the law gives at a displacement (dofs,)."""
+    def press(self, loads: FloatArray) -> None:
+        """Take the loads of the contact (2 loaded nodes,) [N] that follow from x."""
+        self._y += self.body.forward(self.body.contact_load(loads - self._loads))
+
+    def flowed(self) -> FloatArray:
+        """g(x): the plastic strains that the law gives under these loads."""
         body = self.body
-        self._after = flow(self._strains(displacement), self._part, body.law, body.shear_modulus)
+        self._after = flow(self._path_strains(), self._part, body.law, body.shear_modulus)
         return self._after.strain
 
-    def _strains(self, displacement: FloatArray) -> FloatArray:
+    def _path_strains(self) -> FloatArray:
         """Total strains along the step (parts, points, 4), the last at its end."""
-        after = (self._operator @ displacement).reshape(1, -1, 4)
-        if self._parts == 1 or not len(self.points):
-            return np.asarray(after)
+        body = self.body
+        if not len(self.points):
+            return np.zeros((1, 0, 4))
+        if self._path is None and self._parts > 1:
+            way = self._moved if body.body.which == "axle" else -self._moved
+            self._path = Path(body.along, self.points, self._start.displacement, way, self._parts)
+            reach = np.concatenate([self._strains.reach, *(each.reach for each in self._path.after)])
+            self._zone_part = body.kept.reached(reach)
+            self._path.choose(self._strains.of(self._displacement(self._zone_part)))
+        u = self._displacement(self._zone_part)
+        after = self._strains.of(u)
         if self._path is None:
-            way = self._moved if self.body.body.which == "axle" else -self._moved
-            self._path = Path(self.body.along, self.points, self._start, way, self._parts)
-            self._path.choose(after[0])
-        return np.concatenate([self._path.strains(displacement, after[0]), after])
+            return after[None]
+        return np.concatenate([self._path.strains(u, after), after[None]])
 
-    def widened(self, displacement: FloatArray) -> int:
-        """How many points that were left out flow at this displacement; they and what is near are taken in."""
-        over = self._over(displacement)
+    def _displacement(self, part: IntArray) -> FloatArray:
+        """The displacement (dofs,) under these loads, right within a part of the factor."""
+        return self._start.displacement + self.body.kept.backward(self._y, part)
+
+    def widened(self, ended: Ended | None = None) -> int:
+        """How many points that were left out flow, now or at an end; they and what is near are taken in."""
+        body = self.body
+        u = self._displacement(body.kept.everything) if ended is None else ended.displacement
+        over = overshoot(body.stress(u, self.before.strain), self.before, body.law)
         missed = int(((over > 0.0) & ~self._chosen).sum())
         if missed:
             before, old = self.x, self.points
-            self._chosen |= over > -MARGIN * self.body.law.yield_stress
+            self._chosen |= over > -MARGIN * body.law.yield_stress
             self._take()
             self.x = self._part.strain.copy()
             self.x[np.searchsorted(self.points, old)] = before
@@ -259,22 +336,25 @@ class BodyStep:
         """Sum of w e : e of what the law gave the points in this step [mm3]."""
         return float(np.square(self.scale * (self._after.strain - self._part.strain)).sum())
 
-    def finished(self, displacement: FloatArray) -> tuple[BodyFlow, FloatArray]:
+    def ended(self, loads: FloatArray) -> Ended:
+        """What g(x) and the loads (2 loaded nodes,) of the contact lead to."""
+        return self.body.ended(self.before.with_points(self.points, self._after), loads)
+
+    def finished(self, ended: Ended) -> tuple[BodyFlow, FloatArray]:
         """The flow of the step, and three numbers: energy, work of the step, largest plastic strain.
 
         The work takes the mean of the stress before and after, as elastic energy and force do in an energy balance.
         """
         body = self.body
         after = self.before.with_points(self.points, self._after)
-        flowed = BodyFlow.between(self.before, after, self._moved)
+        flowed = BodyFlow.between(self.before, after, self._moved, ended)
         here = flowed.points
-        if not len(here):
-            energy = body.own_energy(displacement, after.strain) if after.accumulated.any() else 0.0
-            return flowed, np.array([energy, 0.0, after.accumulated.max(initial=0.0)])
-        rows = (4 * here[:, None] + np.arange(4)).ravel()
-        strains = (body.operator[rows] @ np.stack([self._start, displacement], axis=1)).reshape(-1, 4, 2)
-        stress = (strains.sum(axis=2) - self.before.strain[here] - after.strain[here]) @ body.moduli
-        work = 0.5 * (stress * flowed.gained).sum(axis=1)
-        after.work[here] += work
-        numbers = [body.own_energy(displacement, after.strain), float(body.weight[here] @ work)]
-        return flowed, np.array([*numbers, after.accumulated.max(initial=0.0)])
+        energy = body.own_energy(ended, after.strain) if after.accumulated.any() else 0.0
+        spent = 0.0
+        if len(here):
+            strains = body.strains.at(here).of(self._start.displacement + ended.displacement)
+            stress = (strains - self.before.strain[here] - after.strain[here]) @ body.moduli
+            work = 0.5 * (stress * flowed.gained).sum(axis=1)
+            after.work[here] += work
+            spent = float(body.weight[here] @ work)
+        return flowed, np.array([energy, spent, after.accumulated.max(initial=0.0)])

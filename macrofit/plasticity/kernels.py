@@ -117,4 +117,133 @@ def follow(path, strain, accumulated, back, radius, strains, gains, moduli, reca
                     back[point, i, c] = back[point, i, c] * fade[i] + moduli[i] * grown * normal
 
 
+@njit(cache=True)
+def overshoots(trial, accumulated, back, radius, strains, gains):
+    """|s - X| - R [MPa] of trial stresses (n, 4)."""
+    out, relative = np.empty(len(trial)), np.empty(4)
+    for point in range(len(trial)):
+        mean = (trial[point, 0] + trial[point, 1] + trial[point, 2]) / 3.0
+        for c in range(4):
+            relative[c] = trial[point, c] if c == 3 else trial[point, c] - mean
+            for i in range(back.shape[1]):
+                relative[c] -= back[point, i, c]
+        out[point] = equivalent(relative) - yield_radius(accumulated[point], radius, strains, gains)[0]
+    return out
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def strains_at(points, operators, unknowns, displacement):
+    """B u (m, 4) at some points, of operators B (n, 4, b) on some unknowns (n, b) each."""
+    out = np.empty((len(points), 4))
+    own = np.empty(operators.shape[2])
+    for k in range(len(points)):
+        point = points[k]
+        for j in range(len(own)):
+            own[j] = displacement[unknowns[point, j]]
+        for c in range(4):
+            total = 0.0
+            for j in range(len(own)):
+                total += operators[point, c, j] * own[j]
+            out[k, c] = total
+    return out
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def loads_of(points, operators, unknowns, stress, size):
+    """Sum of B' s (size,) of stresses s (m, 4) at some points, times what the points weigh."""
+    out = np.zeros(size)
+    for k in range(len(points)):
+        point, rr, zz, tt, rz = points[k], stress[k, 0], stress[k, 1], stress[k, 2], stress[k, 3]
+        for j in range(operators.shape[2]):
+            b = operators[point, :, j]
+            out[unknowns[point, j]] += b[0] * rr + b[1] * zz + b[2] * tt + b[3] * rz
+    return out
+
+
+@njit(cache=True)
+def reached_from(rows, own, parent):
+    """Which supernodes (k,) are those of some rows or above one of them, by the supernode of each row."""
+    out = np.zeros(len(parent), dtype=np.bool_)
+    for row in rows:
+        k = own[row]
+        while k >= 0 and not out[k]:
+            out[k] = True
+            k = parent[k]
+    return out
+
+
+@njit(cache=True)
+def forward(part, first, begin, place, rows, values, y):
+    """L^-1 y in place, on some supernodes in ascending order; y must vanish below all others."""
+    work = np.empty(len(y))
+    for k in part:
+        column, wide, high = first[k], first[k + 1] - first[k], begin[k + 1] - begin[k]
+        own, below = y[column : column + wide], rows[begin[k] + wide : begin[k + 1]]
+        work[:wide] = own
+        work[wide:high] = 0.0
+        for j in range(wide):
+            at = place[k] + j * high
+            share = work[j] / values[at + j]
+            own[j] = share
+            column_of, left = values[at + j + 1 : at + high], work[j + 1 : high]
+            for i in range(len(left)):
+                left[i] -= column_of[i] * share
+        left = work[wide:high]
+        for i in range(len(below)):
+            y[below[i]] += left[i]
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def backward(part, first, begin, place, rows, values, y):
+    """L'^-1 y in place, on some supernodes in ascending order and all that are above them; four columns at a time."""
+    work, sums = np.empty(len(y)), np.empty(len(y))
+    for q in range(len(part) - 1, -1, -1):
+        k = part[q]
+        wide, high, start = first[k + 1] - first[k], begin[k + 1] - begin[k], place[k]
+        own, below = y[first[k] : first[k + 1]], rows[begin[k] + wide : begin[k + 1]]
+        known = work[: len(below)]
+        for i in range(len(below)):
+            known[i] = y[below[i]]
+        fours = wide - wide % 4
+        for j in range(fours, wide):
+            at = start + j * high + wide
+            sums[j] = product(values[at : at + len(below)], known)
+        for j in range(0, fours, 4):
+            a = start + j * high + wide
+            b, c, d = a + high, a + 2 * high, a + 3 * high
+            sums[j], sums[j + 1], sums[j + 2], sums[j + 3] = four_products(
+                values[a : a + len(below)],
+                values[b : b + len(below)],
+                values[c : c + len(below)],
+                values[d : d + len(below)],
+                known,
+            )
+        for j in range(wide - 1, -1, -1):
+            at, total = start + j * high, sums[j]
+            for i in range(j + 1, wide):
+                total += values[at + i] * own[i]
+            own[j] = (own[j] - total) / values[at + j]
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def product(a, x):
+    """The product of two vectors."""
+    total = 0.0
+    for i in range(len(x)):
+        total += a[i] * x[i]
+    return total
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def four_products(a, b, c, d, x):
+    """The products of four vectors with x."""
+    of_a, of_b, of_c, of_d = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(x)):
+        of_a += a[i] * x[i]
+        of_b += b[i] * x[i]
+        of_c += c[i] * x[i]
+        of_d += d[i] * x[i]
+    return of_a, of_b, of_c, of_d
+
+
 check_compiled(follow)

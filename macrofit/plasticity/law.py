@@ -120,10 +120,9 @@ def equivalent(deviatoric: FloatArray) -> FloatArray:
 
 def overshoot(trial: FloatArray, state: PointState, law: Hardening) -> FloatArray:
     """|s - X| - R (n,) [MPa] of trial stresses (n, 4): a point flows where it is positive."""
-    relative = deviator(trial)
-    if law.backs:
-        relative -= state.back.sum(axis=1)
-    return np.asarray(equivalent(relative) - law.radius(state.accumulated)[0])
+    from .kernels import overshoots
+
+    return np.asarray(overshoots(trial, state.accumulated, state.back, *law.columns[:3]))
 
 
 def flow(path: FloatArray, state: PointState, law: Hardening, shear_modulus: float) -> PointState:

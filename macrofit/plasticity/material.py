@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-from functools import cache
-from importlib import resources
-
 import numpy as np
 
 from ..scene.material import (
@@ -14,14 +10,9 @@ from ..scene.material import (
     Material,
     TabulatedHardening,
     VoceHardening,
+    cards,
 )
 from .law import Hardening
-
-
-@cache
-def cards() -> dict[str, dict[str, float | str]]:
-    """The cards of the steels, by their grades."""
-    return tomllib.loads((resources.files("macrofit.scene") / "steels.toml").read_text())
 
 
 def yield_stress(material: Material) -> float | None:

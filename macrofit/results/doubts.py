@@ -24,7 +24,7 @@ LEFT_INTERFERENCE = 0.01
 Nitsche's method leaves 1e-4, a penalty of 10 E per mm 2e-3 (`wheelset`).
 """
 ENERGY_BALANCE = 0.05
-"""Largest energy balance: 1 mm increments leave 3e-5 (`wheelset`), 15 mm ones 8e-3; partial slip in ten steps 7e-2."""
+"""Largest energy balance: 1 mm increments leave 2e-5 (`wheelset`), 10 mm ones 5e-4; partial slip in any steps 3e-6."""
 
 LARGE_STRAIN = 0.1
 """Largest plastic strain of small strain theory: rotations and changes of area of that size are left out."""

@@ -128,18 +128,27 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     Raises:
         OutputError: there is none or it is not one of macrofit.
     """
-    path = folder / CURVE if folder.is_dir() else folder
+    columns = read_table(folder / CURVE if folder.is_dir() else folder)
+    return columns["displacement_mm"], columns["force_N"]
+
+
+def read_table(path: Path) -> dict[str, FloatArray]:
+    """The columns of a fitting curve by their names, which end in their units.
+
+    Raises:
+        OutputError: there is none or it is not one of macrofit.
+    """
+    names = HEADER.split(",")
     try:
         lines = path.read_text().splitlines()
         if lines[:1] != [HEADER]:
             raise OutputError(f"{path}: is not a fitting curve of macrofit, its header is another")
-        rows = [line.split(",") for line in lines[1:]]
-        values = np.array([[float(row[0]), float(row[1])] for row in rows]).reshape(-1, 2)
+        values = np.array([line.split(",") for line in lines[1:]], dtype=float).reshape(-1, len(names))
     except OSError as error:
         raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, IndexError):
+    except ValueError:
         raise OutputError(f"{path}: holds a row that is not numbers") from None
-    return values[:, 0], values[:, 1]
+    return dict(zip(names, values.T, strict=True))
 
 
 def write_interface(

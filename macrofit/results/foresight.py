@@ -18,6 +18,7 @@ from ..bodies.geometry import Generatrix, Sizes, draw_body
 from ..bodies.mesh import read_mesh
 from ..errors import MacrofitError
 from ..plasticity.material import hardening
+from ..scene.deviation import deviation_of
 from ..scene.keys import Hub, MeshFile, Scene, Shaft
 
 SEAT_FACETS = 10
@@ -32,6 +33,15 @@ LOCKING_POISSON_RATIO = 0.45
 """Largest Poisson's ratio of elements of order 1: the force was 0.8 % high there, 2.5 % at 0.49, 12 % at 0.499."""
 LEAST_GAMMA0 = 0.3
 """Smallest gamma0 of theta = 0: the peak stress was 1.5 % high with it, 7 % with 0.1; with 0.01 nothing converged."""
+
+LARGE_PROFILE = 3.0
+"""Largest deviation of a profile, in interferences: more looks like another unit."""
+SMALL_PROFILE = 5e-4
+"""Deviations without a unit that are all smaller look like ones in mm [mm]; no probe is better than 0.5 um."""
+ROUGH_PROFILE = 0.02
+"""Largest root mean square of what a profile does within a facet, in interferences: it is taken at three points."""
+HOTTEST = 250.0
+"""Warmer than this no standard lets a wheel be (GOST 4835, as cited elsewhere), and steel is no longer as stiff [K]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
         _clearance, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps, sharp_corners,
-        _odd_meshes, _linear_flow, _long_plastic_steps,
+        _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
 
@@ -169,6 +179,41 @@ def sharp_corners(scene: Scene) -> Iterator[str]:
 
 def _yielding(scene: Scene) -> list[str]:
     return [name for name in ("axle", "wheel") if hardening(getattr(scene, name).material) is not None]
+
+
+def _profiles(scene: Scene) -> Iterator[str]:
+    facets = {"axle": Sizes.of(scene.mesh, "seat").facet, "wheel": Sizes.of(scene.mesh, "bore").facet}
+    for body, facet in facets.items():
+        found = deviation_of(scene, body)
+        if found is None:
+            continue
+        largest, interference = found.largest, scene.interference or 0.0
+        if interference > 0.0 and largest > LARGE_PROFILE * interference:
+            yield (
+                f"large profile: {body}.profile deviates by up to {1e3 * largest:.4g} um, {largest / interference:.2g} "
+                f"times the interference; are these deviations of the radius, in {found.unit}?"
+            )
+        if found.assumed and 0.0 < largest < SMALL_PROFILE:
+            yield (
+                f"small profile: {body}.profile deviates by {1e3 * largest:.2g} um at most, which no probe sees; if it "
+                f"is in mm, write deviation_mm in its header"
+            )
+        rough = found.roughness(facet)
+        if interference > 0.0 and rough > ROUGH_PROFILE * interference:
+            yield (
+                f"rough profile: {body}.profile varies by {1e3 * rough:.2g} um (root mean square) within facets of "
+                f"{facet:.3g} mm, of which three points are taken; filter it to that length, or shorten "
+                f"{'mesh.seat_facet' if body == 'axle' else 'mesh.bore_facet'}"
+            )
+
+
+def _hot(scene: Scene) -> Iterator[str]:
+    warmth = getattr(scene.wheel, "temperature", 0.0)
+    if warmth > HOTTEST:
+        yield (
+            f"hot wheel: {warmth:g} K warmer than the axle, and its elastic constants are those of cold steel; "
+            f"standards end at 250 C; wheel.temperature = {HOTTEST:g} or less"
+        )
 
 
 def _linear_flow(scene: Scene) -> Iterator[str]:

@@ -24,8 +24,9 @@ from ..solution import Increment
 from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 4
-"""Version of the frames and of what is in them; 3 had increments without plastic work, 2 frames of another form."""
+VERSION = 5
+"""Version of the frames and of what is in them; 4 had no thermal strain, torque and shear, 3 increments without
+plastic work, 2 frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -134,8 +135,16 @@ LARGEST_FILE = 1_000_000_000
 
 
 def _header(scene: Scene) -> _Header:
-    text = msgspec.json.encode(scene, order="deterministic")
-    return _Header(VERSION, hashlib.sha256(text).hexdigest(), text, file_digests(scene))
+    return _Header(VERSION, scene_digest(scene), _encoded(scene), file_digests(scene))
+
+
+def _encoded(scene: Scene) -> bytes:
+    return msgspec.json.encode(scene, order="deterministic")
+
+
+def scene_digest(scene: Scene) -> str:
+    """SHA-256 of a resolved scene, in hexadecimal."""
+    return hashlib.sha256(_encoded(scene)).hexdigest()
 
 
 def file_digests(scene: Scene) -> dict[str, str]:
@@ -153,8 +162,9 @@ def file_digest(file: str) -> str:
 
 
 def named_files(scene: Scene) -> dict[str, str]:
-    """The files that a scene names and that are there, by their keys: meshes, and files in friction options."""
+    """The files that a scene names and that are there, by their keys: meshes, profiles, files in friction options."""
     named = {f"mesh.{body}": getattr(scene.mesh, body) for body in ("axle", "wheel")}
+    named |= {f"{key}.profile": getattr(getattr(scene, key), "profile", None) for key in ("axle", "wheel")}
     named |= _flat(scene.friction.options, "friction.options")
     return {key: value for key, value in named.items() if isinstance(value, str) and os.path.isfile(value)}
 
@@ -174,6 +184,8 @@ def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
 
 
 def _flat(value: Any, where: str) -> dict[str, Any]:
+    if isinstance(value, list | tuple) and any(isinstance(item, str) for item in value):
+        value = {str(number): item for number, item in enumerate(value)}  # names of files among them
     if not isinstance(value, dict):
         return {where: value}
     return {

@@ -7,19 +7,25 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from ..acceptance import verdict
+from ..acceptance import Standard, verdict
+from ..acceptance.run import holding
+from ..scene import Disc
+from .curves import without_rounding
 from .doubts import doubtful_lines, doubts
 from .versions import versions
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ..solution import Solution, YieldZone
 
 
-def summary(solution: Solution) -> dict[str, Any]:
-    """The numbers of summary.json, keys with their units. A number that does not exist is None."""
-    scene, records, force = solution.scene, solution.increments, solution.force
+def summary(solution: Solution, standard: Standard | None = None) -> dict[str, Any]:
+    """The numbers of summary.json, keys with their units; ``standard`` judges. A number that does not exist is None."""
+    scene, records = solution.scene, solution.increments
+    force = without_rounding(solution.force, np.array([record.normal_force for record in records]))
     top = int(np.argmax(force)) if records else None
-    judged, reason = verdict(solution)
+    judged, reason = verdict(solution, standard)
     radial = None if scene.interference is None else round(scene.interference, 12)  # 95 - 94.7 = 0.29999...
     return {
         "title": scene.title,
@@ -36,6 +42,8 @@ def summary(solution: Solution) -> dict[str, Any]:
         "plastic_work_N_mm": sum(record.plastic_work for record in records),
         "interference_radial_mm": radial,
         "interference_diametral_mm": None if radial is None else 2.0 * radial,
+        "heat": _heat(solution),
+        "holding": holding(solution),
         "force_balance": solution.force_balance,
         "energy_balance": solution.energy_balance,
         "max_residual": max((record.residual for record in records), default=0.0),
@@ -56,6 +64,18 @@ def summary(solution: Solution) -> dict[str, Any]:
     }
 
 
+def _heat(solution: Solution) -> dict[str, float | int] | None:
+    """How warm the wheel is put on [K], how much wider that makes its bore [1], and in how many increments it cools."""
+    scene = solution.scene
+    if isinstance(scene.wheel, Disc) or scene.thermal_strain == 0.0:
+        return None
+    return {
+        "wheel_temperature_K": scene.wheel.temperature,
+        "thermal_strain": scene.thermal_strain,
+        "cooling_increments": scene.motion.cooling,
+    }
+
+
 def _zones(zones: dict[str, YieldZone], name: str) -> dict[str, dict[str, float]]:
     """Where each body flowed, or is beyond its yield stress; z in the axle's frame."""
     return {
@@ -70,12 +90,14 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     radial = numbers["interference_radial_mm"]
     if radial is not None:
         lines.append(interference_line(radial))
+    lines += _heat_said(numbers["heat"])
     if numbers["increments"]:
         lines.append(
             f"Peak force      {numbers['peak_force_N'] / 1e3:.5g} kN "
             f"at {numbers['peak_force_displacement_mm']:.6g} mm, "
             f"{numbers['final_force_N'] / 1e3:.5g} kN at the end"
         )
+    lines += _holding_said(numbers["holding"])
     for body, at in numbers["max_von_mises_MPa"].items():
         lines.append(
             f"Max von Mises   {at['value']:.1f} MPa in the {body} at r = {at['r_mm']:.2f} mm, "
@@ -94,6 +116,23 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     judged = numbers["verdict"]
     lines.append(f"Verdict         {judged['sentence'] if judged else 'none: ' + numbers['verdict_reason'] + '.'}")
     return lines + doubtful_lines(numbers["doubts"])
+
+
+def _heat_said(heat: dict[str, Any] | None) -> Iterator[str]:
+    if heat is not None:
+        cools = heat["cooling_increments"]
+        yield (
+            f"Heated wheel    {heat['wheel_temperature_K']:g} K warmer than the axle, its bore wider by "
+            f"{heat['thermal_strain']:.4%}; {f'cooled in {cools} increments' if cools else 'it stays so'}"
+        )
+
+
+def _holding_said(holds: dict[str, float] | None) -> Iterator[str]:
+    if holds is not None:
+        yield (
+            f"Holds           {holds['push_off_N'] / 1e3:.5g} kN pushed on, {holds['pull_off_N'] / 1e3:.5g} kN pulled "
+            f"off, {holds['torque_N_mm'] / 1e6:.4g} kN m of torque, at {holds['displacement_mm']:.6g} mm"
+        )
 
 
 def _extent(zone: dict[str, float]) -> str:

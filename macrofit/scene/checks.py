@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 from ..errors import SceneError
+from .deviation import deviation_of
 from .keys import Disc, Hub, MeshFile, Scene, Shaft
 from .material import ChabocheHardening, Material, TabulatedHardening
 from .profile import bore_profile, overlap, sampled, seat_profile
@@ -47,6 +48,7 @@ def check_scene(scene: Scene) -> None:
     if isinstance(scene.wheel, Hub):
         _check_hub(scene.wheel)
     _check_pair(scene)
+    _check_surfaces(scene)
     _need(
         scene.mesh.growth > 0.0 or scene.mesh.corner_facet is None,
         "mesh.growth: 0 would mesh the whole body as fine as mesh.corner_facet; give one above 0",
@@ -235,7 +237,7 @@ def _check_pair(scene: Scene) -> None:
     _check_interference(scene, axle, wheel)
     _check_penalty(scene, axle)
     start = axle.seat_radius - axle.taper_height
-    mouth = wheel.bore_radius + wheel.chamfer_height
+    mouth = (1.0 + scene.thermal_strain) * (wheel.bore_radius + wheel.chamfer_height)
     resting = scene.displacements[0] > 0.0
     _need(
         resting or start <= mouth,
@@ -281,6 +283,27 @@ def _check_beside(scene: Scene, axle: Shaft, wheel: Hub) -> None:
         f"axle.lead_radius: {lead} is wider than the bore, {wheel.bore_radius}, that is over it at a displacement of "
         f"{at} mm, where no contact is looked for; give a smaller lead_radius, or a higher taper_height",
     )
+
+
+def _check_surfaces(scene: Scene) -> None:
+    """Profiles and heat are of a radial gap, and only the wheel is heated."""
+    for table, body in (("axle", scene.axle), ("wheel", scene.wheel)):
+        for key in ("profile", "temperature"):
+            _need(
+                not getattr(body, key, None) or scene.direction == "radial",
+                f"{table}.{key}: changes the radius of a seat or a bore, and the gap is axial here; leave it out",
+            )
+    _need(
+        not getattr(scene.axle, "temperature", 0.0),
+        "axle.temperature: the axle has that of the surroundings; wheel.temperature says how much warmer the wheel is",
+    )
+    cooling = scene.motion.cooling
+    _need(
+        not cooling or scene.thermal_strain > 0.0,
+        f"motion.cooling: {cooling} increments of a wheel that is not heated; give wheel.temperature too",
+    )
+    for body_name in ("axle", "wheel"):
+        deviation_of(scene, body_name)
 
 
 def _check_penalty(scene: Scene, axle: Shaft) -> None:

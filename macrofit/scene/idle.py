@@ -12,7 +12,10 @@ FILES = "where no body comes from a file"
 
 def idle_keys(scene: Scene) -> list[str]:
     """A line for each key that has another value than its default and changes nothing: which, and why."""
-    return [*_of_contact(scene), *_of_axle(scene), *_of_wheel(scene), *_of_mesh(scene), *_of_output(scene)]
+    return [
+        *_of_contact(scene), *_of_axle(scene), *_of_wheel(scene), *_of_heat(scene), *_of_mesh(scene),
+        *_of_output(scene),
+    ]  # fmt: skip
 
 
 def _of_contact(scene: Scene) -> list[str]:
@@ -46,6 +49,13 @@ def _of_wheel(scene: Scene) -> list[str]:
         given = [(key, getattr(wheel, key)) for key in WEB if getattr(wheel, key)]
         lines += [_idle(f"wheel.{key}", value, "without wheel.web_thickness") for key, value in given]
     return lines
+
+
+def _of_heat(scene: Scene) -> list[str]:
+    given = {"wheel": scene.wheel.material.expansion if scene.thermal_strain == 0.0 else None}
+    given["axle"] = scene.axle.material.expansion
+    why = {"wheel": "without wheel.temperature", "axle": "for the axle is not heated"}
+    return [_idle(f"{body}.material.expansion", value, why[body]) for body, value in given.items() if value]
 
 
 def _of_mesh(scene: Scene) -> list[str]:

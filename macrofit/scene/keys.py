@@ -11,9 +11,19 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from ..base.keys import Keys, NotNegative, Positive, told
-from .material import Material
+from .material import Material, expansion
 
 Metal: TypeAlias = Annotated[Material, told("Elastic constants of the body.")]
+Profile: TypeAlias = Annotated[
+    str | None,
+    told(
+        "CSV of z [mm] and deviation of the radius [um] on top of what is drawn, looked for beside the scene; z = 0 at "
+        "the end that goes on first: the seat's entrance, the bore's leading face."
+    ),
+]
+Warmth: TypeAlias = Annotated[
+    NotNegative, msgspec.Meta(le=600.0), told("How much warmer the whole wheel is than axle and surroundings [K].")
+]
 
 
 class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
@@ -43,6 +53,7 @@ class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
     ] = None
     tail_blend: Annotated[NotNegative, told("Fillet radius in the corner of the shoulder [mm].")] = 0.0
     inner_radius: Annotated[NotNegative, told("Radius of the hole along the axis [mm]; 0: a solid axle.")] = 0.0
+    profile: Profile = None
     material: Metal = Material()
 
 
@@ -75,6 +86,8 @@ class Hub(Keys, frozen=True, tag="wheel", tag_field="shape"):
     rim_inner_radius: Annotated[NotNegative, told("Inner radius of the rim [mm].")] = 0.0
     rim_outer_radius: Annotated[NotNegative, told("Outer radius of the rim [mm].")] = 0.0
     rim_width: Annotated[NotNegative, told("Width of the rim along the axis [mm].")] = 0.0
+    profile: Profile = None
+    temperature: Warmth = 0.0
     material: Metal = Material()
 
 
@@ -91,8 +104,10 @@ class Disc(Keys, frozen=True, tag="disc", tag_field="shape"):
 
 
 class MeshFile(Keys, frozen=True, tag="mesh", tag_field="shape"):
-    """A body whose shape comes from a mesh file (see ``[mesh]``): only its material is left to say."""
+    """A body whose shape comes from a mesh file (see ``[mesh]``): what the file cannot say is left."""
 
+    profile: Profile = None
+    temperature: Warmth = 0.0
     material: Metal = Material()
 
 
@@ -162,6 +177,14 @@ class Motion(Keys, frozen=True):
         Annotated[tuple[float, ...], msgspec.Meta(min_length=1)] | None,
         told("All displacements, which may reverse, instead of start, travel and increment [mm]."),
     ] = None
+    cooling: Annotated[
+        int,
+        msgspec.Meta(ge=0, le=10000),
+        told(
+            "In how many increments a wheel that is put on hot cools, where the motion starts and with nothing that "
+            "pushes; 0: it keeps its temperature [-]."
+        ),
+    ] = 0
     release: Annotated[
         bool, told("Whether the press lets go at the end: the wheel moves back until no force is left.")
     ] = False
@@ -213,12 +236,25 @@ class Scene(Keys, frozen=True):
 
     @property
     def displacements(self) -> tuple[float, ...]:
-        """The displacements of the wheel [mm], the starting one first."""
+        """The displacements of the wheel [mm], the starting one first, once more for each increment of cooling."""
         motion = self.motion
-        if motion.displacements is not None:
-            return motion.displacements
-        steps = max(0, math.ceil((motion.travel - motion.start) / motion.increment - 1e-9))
-        return (*(motion.start + k * motion.increment for k in range(steps)), motion.travel)
+        planned = motion.displacements
+        if planned is None:
+            steps = max(0, math.ceil((motion.travel - motion.start) / motion.increment - 1e-9))
+            planned = (*(motion.start + k * motion.increment for k in range(steps)), motion.travel)
+        return (planned[0],) * motion.cooling + planned
+
+    @property
+    def thermal_strain(self) -> float:
+        """Thermal strain alpha dT of the heated wheel at the start [-]; 0 where it is as warm as the axle."""
+        if isinstance(self.wheel, Disc) or self.wheel.temperature == 0.0:
+            return 0.0
+        return expansion(self.wheel.material) * self.wheel.temperature
+
+    def thermal_strain_at(self, index: int) -> float:
+        """Thermal strain of the wheel at an increment [-]: it falls in equal steps while the wheel cools."""
+        strain, steps = self.thermal_strain, self.motion.cooling
+        return strain * max(0.0, 1.0 - index / steps) if steps else strain
 
     @property
     def direction(self) -> Literal["radial", "axial"]:

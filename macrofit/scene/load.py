@@ -12,6 +12,8 @@ from typing import Any
 
 import msgspec
 
+from ..base.errors import nearest
+from ..base.files import placed_names
 from ..base.keys import KeyMistake, decode_tables
 from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override
 from ..errors import SceneError
@@ -60,9 +62,10 @@ def _drop_options(raw: Mapping[str, Any], provider: Any) -> None:
 
 
 def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:
-    """Decode and check the tables of a scene; mesh files and tables of friction are looked for beside ``folder``."""
+    """Decode and check the tables of a scene; the files that it names are looked for beside ``folder``."""
     tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in raw.items()}
     _name_shapes(tables, folder)
+    _place_profiles(tables, folder or Path())
     if isinstance(tables.get("friction"), dict):
         tables["friction"] = _place_tables(tables["friction"], "provider", folder or Path())
     try:
@@ -100,8 +103,8 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path | None]:
         return parse_toml((resources.files("macrofit.scene") / "library" / f"{name}.toml").read_text(), name), None
     path = Path(source)
     if not path.exists():
-        known = ", ".join(scene_names())
-        raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({known})")
+        remedy = nearest(name, scene_names(), "which are", also=map(str, path.parent.glob("*.toml")))
+        raise SceneError(f"no scene '{name}': neither a file nor one of the built-in scenes ({remedy})")
     return read_toml(path), path.parent
 
 
@@ -121,13 +124,28 @@ def _name_shapes(tables: dict[str, Any], folder: Path | None) -> None:
             tables[body].setdefault("shape", default if file is None else "mesh")
 
 
+def _place_profiles(tables: Mapping[str, Any], folder: Path) -> None:
+    """Make the paths of measured profiles absolute."""
+    for body in ("axle", "wheel"):
+        keys = tables.get(body)
+        if isinstance(keys, dict) and isinstance(keys.get("profile"), str):
+            keys["profile"] = str((folder / keys["profile"]).resolve())
+
+
 def _place_tables(friction: Mapping[str, Any], named: str, folder: Path) -> dict[str, Any]:
-    """The table [friction] with the path of a table's file made absolute, also where another provider wraps it."""
+    """The table [friction] with the paths of its files made absolute, also where another provider wraps it.
+
+    They are a table's file, and the measured faces of axle and bore.
+    """
     placed = dict(friction)
     options = placed.get("options")
     if isinstance(options, Mapping):
         if placed.get(named) == "table" and isinstance(options.get("file"), str):
             options = {**options, "file": str((folder / options["file"]).resolve())}
+        surface = options.get("surface")
+        if isinstance(surface, Mapping):
+            faces = {key: placed_names(value, folder) for key, value in surface.items() if key in ("axle", "bore")}
+            options = {**options, "surface": {**surface, **faces}}
         placed["options"] = _place_tables(options, "base", folder)
     return placed
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+from importlib import resources
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
 from ..base.keys import Keys, NotNegative, Positive, told
 from ..base.material import ElasticMaterial
+from ..base.steel import EXPANSION
 
 Grade = Literal["EA1N", "EA4T", "ER7", "ER8", "ER9"]
 """Steels with a card, see `steels.toml`."""
@@ -57,13 +60,32 @@ Hardening: TypeAlias = LinearHardening | VoceHardening | ChabocheHardening | Tab
 class Material(ElasticMaterial, frozen=True):
     """Isotropic material of a body; by default axle steel that never yields."""
 
-    grade: Annotated[Grade | None, told("Steel whose card states the yield stress; left out: none.")] = None
+    grade: Annotated[Grade | None, told("Steel whose card states yield stress and expansion; left out: none.")] = None
     yield_stress: Annotated[
         Positive | None, told("Yield stress [MPa]; left out: of the grade, or the body never yields.")
     ] = None
     hardening: Annotated[
         Hardening | None, told("How the yield stress grows with plastic strain; left out: it does not.")
     ] = None
+    expansion: Annotated[
+        Annotated[float, msgspec.Meta(gt=0.0, lt=1e-3)] | None,
+        told(f"Linear coefficient of thermal expansion [1/K]; left out: of the grade, or {EXPANSION:g}."),
+    ] = None
     elastic: Annotated[
         bool, told("Whether the body stays elastic all the same; the run then says how far beyond yield it is.")
     ] = False
+
+
+@cache
+def cards() -> dict[str, dict[str, float | str]]:
+    """The cards of the steels, by their grades."""
+    import tomllib
+
+    return tomllib.loads((resources.files("macrofit.scene") / "steels.toml").read_text())
+
+
+def expansion(material: Material) -> float:
+    """Coefficient of thermal expansion [1/K]: that of the keys, of the grade's card, or of axle steel."""
+    if material.expansion is not None:
+        return material.expansion
+    return EXPANSION if material.grade is None else float(cards()[material.grade]["expansion"])

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ..acceptance import Verdict
 from ..base.arrays import FloatArray
-from ..base.figure import BLACK, BLUE, DPI, GREEN, ORANGE, PURPLE, SKY, VERMILION, save, sheet
-from ..figures.curves import ZOOM, _label_curve
-from ..figures.stress import _deformed, _draw_body, _inside
-from ..scene.keys import Shaft
-from ..solution import BodyField
+from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, blank, placed, plain, save
+from ..figures.curves import ZOOM, common_window, curve_sheet, draw_windows, label_curve
 from .fields import load_fields
-from .plan import Plan, PlannedRun
+from .panels import stress_panels
+from .plan import Plan
 from .record import RunRecord
 from .statistics import BODIES, MANY, measured_samples, statistics, varied
 
@@ -26,13 +25,15 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, "#A6761D", "#8C510A")
 GREY = "#5F6B76"
 
 
-def write_study_figures(folder: Path, plan: Plan, records: Sequence[RunRecord]) -> list[Path]:
-    """Write every figure the study has data for.
+def write_study_figures(
+    folder: Path, plan: Plan, records: Sequence[RunRecord], verdicts: Sequence[Verdict | None] = ()
+) -> list[Path]:
+    """Write every figure the study has data for; with the runs' verdicts their windows of the final force.
 
     Raises:
         OutputError: one cannot be written.
     """
-    drawn = {"fitting_curves.png": fitting_curves(plan, records)}
+    drawn = {"fitting_curves.png": fitting_curves(plan, records, verdicts)}
     if len(varied(plan, records)) >= MANY:
         drawn["distributions.png"] = distributions(plan, records)
     fields = {run.number: load_fields(folder, run) for run in plan.runs[:SIDE_BY_SIDE]}
@@ -40,12 +41,12 @@ def write_study_figures(folder: Path, plan: Plan, records: Sequence[RunRecord]) 
     if shown:
         drawn["stress.png"] = stress_panels(shown)
         drawn["stress_entrance.png"] = stress_panels(shown, zoom=ZOOM)
-    return [save(figure, folder / name, trim=True) for name, figure in drawn.items()]
+    return [save(figure, folder / name) for name, figure in drawn.items()]
 
 
-def fitting_curves(plan: Plan, records: Sequence[RunRecord]) -> Any:
+def fitting_curves(plan: Plan, records: Sequence[RunRecord], verdicts: Sequence[Verdict | None] = ()) -> Any:
     """Force against displacement: each curve with its label, or many as a bundle with median and 5-95 % band."""
-    figure, (axes,) = sheet(7.0, 4.4)
+    figure, axes = curve_sheet()
     pairs = list(zip(plan.runs, records, strict=True))
     references = [pair for pair in pairs if not pair[0].values and plan.keys]
     others = [pair for pair in pairs if pair not in references]
@@ -56,8 +57,9 @@ def fitting_curves(plan: Plan, records: Sequence[RunRecord]) -> Any:
         _bundle(axes, [record for _, record in others])
     for style, (run, record) in zip(("--", "-.", ":") * len(references), references, strict=False):
         axes.plot(record.displacement, record.force / 1e3, style, color=BLACK, lw=1.6, label=run.label)
-    axes.legend(frameon=False, fontsize=9)
-    _label_curve(axes, plan.title)
+    draw_windows(axes, common_window(verdicts), [(record.displacement, record.force / 1e3) for record in records])
+    axes.legend(framealpha=0.85, edgecolor="none", fontsize=9)
+    label_curve(axes, plan.title)
     return figure
 
 
@@ -81,19 +83,17 @@ def _bundle(axes: Any, records: Sequence[RunRecord]) -> None:
 
 def distributions(plan: Plan, records: Sequence[RunRecord]) -> Any:
     """Histograms of the peak force and of the largest stresses, with mean, deviation and percentiles."""
-    from matplotlib.figure import Figure
-
     sample = varied(plan, records)
     samples = measured_samples(sample)
     shown = {"peak force [kN]": samples["peak_force_N"] / 1e3}
     for body in BODIES:
         if f"{body}_max_von_mises_MPa" in samples:
             shown[f"largest von Mises stress, {body} [MPa]"] = samples[f"{body}_max_von_mises_MPa"]
-    figure = Figure(figsize=(3.6 * len(shown) + 0.4, 3.6), dpi=DPI, layout="constrained")
-    for axes, (title, values) in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown.items(), strict=True):
-        _histogram(axes, title, values)
-    if plan.title:
-        figure.suptitle(f"{plan.title}, {len(sample)} runs", fontsize=10)
+    figure = blank(3.8 * len(shown) + 0.2, 3.6)
+    for k, (title, values) in enumerate(shown.items()):
+        _histogram(plain(placed(figure, 0.7 + 3.8 * k, 0.55, 2.95, 2.3), grid=False), title, values)
+    title = ", ".join(filter(None, (plan.title, f"{len(sample)} runs")))
+    figure.suptitle(title, fontsize=10, y=0.98, va="top")
     return figure
 
 
@@ -110,55 +110,4 @@ def _histogram(axes: Any, title: str, values: FloatArray) -> None:
     )
     axes.set_xlabel(title)
     axes.set_ylabel("runs")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(labelsize=9)
     axes.margins(x=0.04)
-
-
-def stress_panels(
-    shown: Sequence[tuple[PlannedRun, dict[float, dict[str, BodyField]]]], zoom: float | None = None
-) -> Any:
-    """Von Mises stress, a column per run and a row per displacement, with a scale of its own.
-
-    With ``zoom`` [mm]: a window of that width on the seat's entrance.
-    """
-    from matplotlib.figure import Figure
-
-    at = sorted({displacement for _, fields in shown for displacement in fields})
-    window = _window(shown, zoom)
-    extent = window[1] - window[0]
-    width = 3.4 if zoom is not None else 3.0
-    height = float(np.clip(width * extent[0] / extent[1], 1.2, 6.0))
-    figure = Figure(figsize=(width * len(shown) + 1.2, (height + 0.45) * len(at) + 0.5), dpi=DPI, layout="compressed")
-    grid = figure.subplots(len(at), len(shown), sharex=True, sharey=True, squeeze=False)
-    for row, displacement in enumerate(at):
-        every = [field for _, fields in shown for field in fields.get(displacement, {}).values()]
-        top = max(float(field.von_mises[_inside(_deformed(field), window)].max(initial=0.0)) for field in every)
-        for column, (run, fields) in enumerate(shown):
-            axes = grid[row][column]
-            for field in fields.get(displacement, {}).values():
-                drawn = _draw_body(axes, field, window, top)
-            (low_r, low_z), (high_r, high_z) = window
-            axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r), aspect="equal")
-            axes.set_title(f"{run.label}\n{displacement:g} mm" if row == 0 else f"{displacement:g} mm", fontsize=9)
-            axes.tick_params(labelsize=8)
-        figure.colorbar(drawn, ax=grid[row].tolist(), label="von Mises stress [MPa]", fraction=0.03, pad=0.02)
-    figure.supxlabel("z [mm]", fontsize=9)
-    figure.supylabel("r [mm]", fontsize=9)
-    return figure
-
-
-def _window(
-    shown: Sequence[tuple[PlannedRun, dict[float, dict[str, BodyField]]]], zoom: float | None
-) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest (r, z) [mm] of every panel."""
-    axle = shown[0][0].scene.axle
-    if zoom is not None and isinstance(axle, Shaft):
-        half = 0.5 * zoom * np.array([0.75, 1.0])
-        centre = np.maximum([axle.seat_radius, 0.0], [half[0], -np.inf])
-        return centre - half, centre + half
-    points = np.concatenate(
-        [_deformed(f) for _, fields in shown for bodies in fields.values() for f in bodies.values()]
-    )
-    margin = 0.03 * np.ptp(points, axis=0)
-    return points.min(axis=0) - margin, points.max(axis=0) + margin

@@ -18,7 +18,7 @@ from ..base.progress import duration, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_lines
 from ..results.folder import JOURNAL, prepare
-from ..results.versions import versions
+from ..results.versions import session, versions
 from ..solution import Extreme
 from .fields import FIELDS
 from .plan import Plan, PlannedRun
@@ -78,11 +78,11 @@ def write_study(
     """
     from .figures import write_study_figures
 
-    verdicts = [_verdict(*pair) for pair in zip(plan.runs, records, strict=True)]
+    verdicts = [_verdict(plan, *pair) for pair in zip(plan.runs, records, strict=True)]
     rows = [_columns(plan), *(_row(plan, *each) for each in zip(plan.runs, records, verdicts, strict=True))]
     write_text(folder / ROWS, _csv(rows))
     write_text(folder / CURVES, _csv(_curves(plan, records)))
-    figures = write_study_figures(folder, plan, records)
+    figures = write_study_figures(folder, plan, records, verdicts)
     numbers = _totals(plan, records, computed, costs) | {"verdicts": _verdict_totals(plan, verdicts)}
     write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
     drawn = ", ".join(path.name for path in figures)
@@ -143,10 +143,10 @@ def _row(plan: Plan, run: PlannedRun, record: RunRecord, verdict: Verdict | None
     return [*cells, f"{record.cpu_s:.3f}"]
 
 
-def _verdict(run: PlannedRun, record: RunRecord) -> Verdict | None:
+def _verdict(plan: Plan, run: PlannedRun, record: RunRecord) -> Verdict | None:
     """The same verdict that the run's own summary.json has."""
     largest = {body: at.value for body, at in record.max_von_mises.items()}
-    return judge_scene(run.scene, record.displacement, record.force, largest)[0]
+    return judge_scene(run.scene, record.displacement, record.force, largest, plan.standard, holds=record.holds)[0]
 
 
 def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str, Any]:
@@ -155,12 +155,25 @@ def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str,
     return {} if not judged else {
         "standard": judged[0].standard,
         "runs": dict(Counter(verdict.word for verdict in judged)),
+        "windows": _windows(judged),
         "refused_for": {
             str(run.number): [check.name for check in verdict.failed]
             for run, verdict in zip(plan.runs, verdicts, strict=True)
             if verdict is not None and verdict.word == "refused"
         },
     }  # fmt: skip
+
+
+def _windows(judged: Sequence[Verdict]) -> dict[str, Any]:
+    """The windows of the final force that all runs have, by their standards."""
+    known = {(verdict.en_13260, verdict.gost_11018) for verdict in judged if verdict.en_13260 is not None}
+    if len({verdict.seat_diameter_mm for verdict in judged}) != 1 or not known:
+        return {}
+    return {
+        name: {"low_N": window.low, "high_N": window.high}
+        for name, window in zip(("EN 13260", "GOST 11018"), known.pop(), strict=True)
+        if window is not None
+    }
 
 
 def _accepted(verdicts: Sequence[Verdict | None]) -> list[str]:
@@ -204,7 +217,7 @@ def _totals(
         "keys": list(plan.keys),
         "runs": [
             {"run": run.number, "label": run.label, "values": run.values, "provider": run.scene.friction.provider,
-             "options": run.scene.friction.options} for run in plan.runs
+             "options": run.scene.friction.options, "digest": run.digest} for run in plan.runs
         ],
         "statistics": {name: statistics(values) for name, values in measured_samples(sample).items()},
         "computed_runs": computed,
@@ -220,6 +233,7 @@ def _totals(
         "doubts": {str(run.number): record.doubts for run, record in zip(plan.runs, records, strict=True)
                    if record.doubts},
         "versions": versions(),
+        "provenance": session(),
     }  # fmt: skip
 
 

@@ -10,12 +10,14 @@ import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from .. import __version__
+from ..acceptance import Standard
 from ..base.toml import last_part
 from ..errors import MacrofitError, SceneError
 from ..friction import BuildContext, GivenFriction, ScriptFriction, build_provider
@@ -23,8 +25,9 @@ from ..results.journal import VERSION, file_digests
 from ..scene import Scene, load_scene, with_script_friction
 
 MOST_RUNS = 100_000
-EXAMPLE = "for example friction.options.micro_friction=0.01,0.03 or friction.options.seed=1:200"
-RANGE = re.compile(r"\s*(-?\d+):(-?\d+)(?::(\d+))?\s*")
+FINE_RANGE = "friction.options.coefficient=0.1:0.5:0.1"
+EXAMPLE = f"for example friction.options.micro_friction=0.01,0.03, {FINE_RANGE} or friction.options.seed=1:200"
+RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+)(?::([-+.\deE]+))?\s*")
 BRACKETS = {"[": 1, "{": 1, "(": 1, "]": -1, "}": -1, ")": -1}
 
 
@@ -53,6 +56,7 @@ class Plan:
     keys: tuple[str, ...]
     runs: tuple[PlannedRun, ...]
     script: ScriptFriction | None = None  # friction that a script gives, for the runs that name it
+    standard: Standard | None = None  # what the runs are held against; None: EN 13260
 
     def friction_of(self, scene: Scene) -> GivenFriction | None:
         """The object that gives a run's friction; None where it is that of an installed provider."""
@@ -67,16 +71,19 @@ def plan_study(
     references: Sequence[str] = (),
     *,
     friction: GivenFriction | None = None,
+    standard: Standard | None = None,
 ) -> Plan:
     """The runs of a study of a scene, every one decoded and checked, its provider's options too.
 
     Args:
         source: a built-in scene or a TOML file.
-        vary: "key=v1,v2,..." each; a value may be a range of integers, "1:200" or "1:200:10", both ends included.
+        vary: "key=v1,v2,..." each; a value may be a range first:last:step, "0.1:0.5:0.1", its ends included;
+            of integers the step may be left out, "1:200".
         overrides: "key=value" each, for all runs.
         references: see `reference_overrides`; they may name installed providers.
         friction: an object in place of the scene's [friction], with a `digest`, see `macrofit.solve.solve`. Its
             options vary (friction.options.KEY) where it is a callable that makes a provider, such as a class.
+        standard: what the runs are held against, EN 13260 where it is left out.
 
     Raises:
         SceneError: a key or value that is wrong; the line names the key.
@@ -96,7 +103,8 @@ def plan_study(
         own = [f"{key}={value}" for key, value in chosen.items()]
         runs.append(_planned(len(runs) + 1, label, chosen, (source, [*common, *own]), script))
     _no_twins(runs)
-    return Plan(source=str(source), title=load_scene(source, common).title, keys=keys, runs=tuple(runs), script=script)
+    title = load_scene(source, common).title
+    return Plan(source=str(source), title=title, keys=keys, runs=tuple(runs), script=script, standard=standard)
 
 
 def _varied_keys(varied: Sequence[tuple[str, list[str]]]) -> tuple[str, ...]:
@@ -125,7 +133,7 @@ def parse_vary(text: str) -> tuple[str, list[str]]:
     for part in split_outside(listed):
         span = RANGE.fullmatch(part)
         if span:
-            values += _integers(key, part.strip(), *(int(each) for each in span.groups(default="1")))
+            values += _spread(key, part.strip(), span.groups())
         elif part.strip():
             values.append(part.strip())
         else:
@@ -177,12 +185,31 @@ def digest(scene: Scene, script: ScriptFriction | None = None) -> str:
     return hashlib.sha256(msgspec.json.encode(parts, order="deterministic")).hexdigest()
 
 
-def _integers(key: str, text: str, first: int, last: int, step: int) -> list[str]:
-    if first > last or step < 1:
-        raise SceneError(f"--vary {key}: the range {text} is empty; write first:last with first <= last")
-    if (last - first) // step >= MOST_RUNS:
+def _spread(key: str, text: str, ends: Sequence[str | None]) -> list[str]:
+    """The values first, first + step, ... up to last, in exact decimals.
+
+    Raises:
+        SceneError: the range cannot be counted, is empty or too long.
+    """
+    try:
+        first, last, step = (Decimal(each or "1") for each in ends)
+    except InvalidOperation:
+        first = last = step = Decimal("NaN")
+    if not all(math.isfinite(each) for each in (first, last, step)):
+        raise SceneError(f"--vary {key}: {text} is no range of numbers; {EXAMPLE}") from None
+    whole = not any(sign in text for sign in ".eE")
+    if ends[2] is None and not whole:
+        raise SceneError(f"--vary {key}: the range {text} has no step; write first:last:step, as {FINE_RANGE}")
+    if first > last or float(step) <= 0.0:
+        raise SceneError(f"--vary {key}: the range {text} is empty; write first:last:step, first <= last and step > 0")
+    if (last - first) / step >= MOST_RUNS:
         raise SceneError(f"--vary {key}: the range {text} has more than {MOST_RUNS} values")
-    return [str(value) for value in range(first, last + 1, step)]
+    return [_written(first + k * step, whole) for k in range(int((last - first) / step) + 1)]
+
+
+def _written(value: Decimal, whole: bool) -> str:
+    """A value of a range as TOML; one that is not whole by the way it was written keeps a point."""
+    return str(value) if whole else re.sub(r"(\.\d+?)0*$", r"\1", f"{value + Decimal('0.0'):f}")
 
 
 def _planned(

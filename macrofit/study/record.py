@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from ..acceptance.run import holds
 from ..base.arrays import FloatArray
 from ..base.files import starts_with
 from ..base.log import Log, frames
@@ -30,6 +31,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     cutbacks: int
     unconverged: int
     cpu_s: float
+    holds: float | None = None  # N, see `acceptance.run`
     doubts: list[str] = []  # a sentence each, see `results.doubts`
 
     @staticmethod
@@ -44,6 +46,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
             cutbacks=sum(record.cutbacks for record in solution.increments),
             unconverged=sum(not record.converged for record in solution.increments),
             cpu_s=cpu_s,
+            holds=holds(solution),
             doubts=doubts(solution),
         )
 

@@ -122,7 +122,7 @@ class RunWorker:
         watching, friction = Several(curve, Polling(poll)), self.plan.friction_of(run.scene)
         with journal:
             solution = solve(run.scene, MPI.COMM_SELF, watching, journal, assembly, friction=friction)
-            write_results(target, solution)
+            write_results(target, solution, friction, standard=self.plan.standard)
         return solution
 
 

@@ -27,8 +27,8 @@ MANY = 6
 """Slides named in a figure; more are drawn without."""
 WIDTH = 1250
 """Pixels of the picture of the plates."""
-STEEPNESS = 0.16
-"""Root mean square slope that a map is shaded for [-]: heights are stretched to it."""
+LEVELS = 9
+"""Contour lines of a map: a shade would give a height another colour than its bar has."""
 
 
 def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], slides: Sequence[Slide]) -> list[Path]:
@@ -59,8 +59,8 @@ def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radiu
     """Both rough faces as maps; below them the envelopes of the spheres, of mean `radius` [mm], that stand for them."""
     scale = 7.4 / (wheel.size[0] + axle.size[0])
     across, up = [scale * face.size[0] for face in (wheel, axle)], scale * wheel.size[1]
-    figure = blank(sum(across) + 1.85, 2.0 * up + 1.25)
-    lefts, bottoms = (0.55, 0.8 + across[0]), (0.85 + up, 0.48)
+    figure = blank(sum(across) + 2.05, 2.0 * up + 1.25)
+    lefts, bottoms = (0.55, 1.0 + across[0]), (0.85 + up, 0.48)
     axes = [[placed(figure, x, y, w, up) for x, w in zip(lefts, across, strict=True)] for y in bottoms]
     _maps(figure, axes[0], [wheel, axle])
     _maps(figure, axes[1], list(envelopes.values()), depth=radius)
@@ -77,28 +77,25 @@ def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radiu
 
 
 def _maps(figure: Any, axes: Sequence[Any], faces: Sequence[Surface], depth: float = np.inf) -> None:
-    """Shaded maps in one scale of colours, with its bar; it ends `depth` [mm] below the highest point."""
+    """Maps in one scale of colours, with its bar; it ends `depth` [mm] below the highest point."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LightSource, Normalize
+    from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
 
-    colours, light = (
-        colormaps["viridis"],
-        LightSource(azdeg=45, altdeg=50),
-    )  # along the diagonals of the cells: they show least
+    colours = colormaps["viridis"]
     high = max(float(face.heights.max()) for face in faces)
     low = max(min(float(face.heights.min()) for face in faces), high - depth)
     scale = Normalize(1e3 * low, 1e3 * max(high, low + 1e-9))
     for each, face in zip(axes, faces, strict=True):
         length, width = face.size
         x, y = (np.linspace(0.0, side, max(2, round(PIXELS * side / width))) for side in face.size)
-        heights = face.at(x[None, :], y[:, None])  # rows from below, hence -dy
-        stretch = STEEPNESS / max(measure(face).Sdq, 1e-6) if depth == np.inf else 1.0
-        shade = light.hillshade(heights, vert_exag=stretch, dx=x[1], dy=-y[1])
-        rgb = colours(scale(1e3 * heights))[..., :3] * (0.62 + 0.50 * shade[..., None])
+        heights = face.at(x[None, :], y[:, None])  # rows from below
         extent = (0.0, length, 0.0, width)
-        each.imshow(np.clip(rgb, 0.0, 1.0), extent=extent, origin="lower", interpolation="nearest")
+        each.imshow(1e3 * heights, extent=extent, origin="lower", interpolation="nearest", cmap=colours, norm=scale)
+        if depth == np.inf:
+            lines = {"levels": np.linspace(scale.vmin, scale.vmax, LEVELS + 2)[1:-1], "linestyles": "solid"}
+            each.contour(x[::6], y[::6], 1e3 * heights[::6, ::6], colors="white", linewidths=0.5, alpha=0.6, **lines)
         each.tick_params(labelsize=8.5)
         each.xaxis.set_major_locator(MaxNLocator(min(10, max(2, round(5 * length / width))), steps=[1, 2, 5, 10]))
     extend = "min" if depth < np.inf else "neither"

@@ -18,15 +18,22 @@ from ..friction_test import FrictionTest, engine_name
 from ..lattice.lattice import Lattice
 from ..lattice.modulus import own_modulus
 from ..material import Beams, Material
+from ..measured.clean import lay
+from ..measured.keys import ScanKeys
 from ..packing.pack import Packing
 from ..plates import Plates
 from ..records import UNBALANCED, Slide
 from ..settings import Settings
 from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
+from ..surfaces.measured import as_surface, scan_of
 from ..surfaces.roughness import Roughness, measure
 from ..surfaces.surface import Body, Surface
 
 PAPER = "Lalleman et al. report about 0.11 for micro 0.07; sliding in equilibrium, this model gives 0.05 to 0.09"
+
+
+WEAK_LAY = 0.2
+"""A lay that is weaker is called none [-]."""
 
 
 class Affine(NamedTuple):
@@ -169,7 +176,44 @@ def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str
     seed = keys.wheel_seed if body == "wheel" else keys.axle_seed
     along = _with_units(asdict(profile(measured_length(keys, body, seed, face))))
     envelope = roughness_numbers(packing.inner_envelope)
-    return roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
+    found = roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
+    scan = keys.measured(body)
+    return found if scan is None else found | {"measured": scan_numbers(scan)}
+
+
+def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
+    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done."""
+    found = []
+    for which, (name, sha256) in enumerate(zip(keys.files, keys.sha256 or keys.found().sha256, strict=True)):
+        scan = scan_of(keys, which)
+        angle, strength = lay(scan)
+        found.append(
+            {
+                "file": name, "sha256": sha256, "size_mm": scan.size, "spacing_mm": scan.spacing,
+                "points": scan.heights.shape, **roughness_numbers(as_surface(scan)), "lay_degrees": angle,
+                "lay_strength": strength, "done": scan.done, "doubts": scan.doubts,
+            }
+        )  # fmt: skip
+    return found
+
+
+def scan_lines(keys: ScanKeys) -> list[str]:
+    """What the files of a measured face hold, and what was done with them, for people."""
+    lines = []
+    for which, name in enumerate(keys.files):
+        scan = scan_of(keys, which)
+        (nx, ny), (length, width), (dx, dy) = scan.heights.shape, scan.size, scan.spacing
+        angle, strength = lay(scan)
+        lines.append(
+            f"File            {name}: {length:.4g} x {width:.4g} mm, {nx} x {ny} points {1e3 * dx:.3g} x "
+            f"{1e3 * dy:.3g} µm apart"
+        )
+        lines += [f"Done            {line}" for line in scan.done]
+        lines.append(f"Scan            {roughness_line(as_surface(scan))}")
+        told = f"at {angle:.0f}° to the slide, strength {strength:.2f} of 1" if strength > WEAK_LAY else "none"
+        lines.append(f"Lay             {told}")
+        lines += [f"Doubt           {line}" for line in scan.doubts]
+    return lines
 
 
 def _with_units(measures: dict[str, float]) -> dict[str, Any]:
@@ -223,6 +267,9 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     if any(np.isfinite(each["uncertainty"]) for each in numbers["slides"]):
         lines.append("Uncertainty     ± is the standard error along the slide, by which surfaces of this kind scatter")
     lines += [_roughness(body, numbers["roughness"][body]) for body in ("wheel", "axle")]
+    for scan in (scan for body in ("wheel", "axle") for scan in numbers["roughness"][body].get("measured", [])):
+        lines.append(f"Measured        {scan['file']}: {'; '.join(scan['done'])}")
+        lines += [f"Doubt           {scan['file']}: {doubt}" for doubt in scan["doubts"]]
     fit = numbers["affine_fit"]
     if fit is not None:
         line = f"Affine fit      meso = {fit['a']:.4f} micro {fit['b']:+.4f}"
@@ -297,7 +344,7 @@ def profile_line(settings: Settings, body: Body, face: Surface) -> str:
     keys = settings.surface
     seed = keys.wheel_seed if body == "wheel" else keys.axle_seed
     found = profile(measured_length(keys, body, seed, face))
-    where = "of the strip" if keys.form == "strip" else "of this face alone"
+    where = "of the strip" if keys.form == "strip" and keys.measured(body) is None else "of this face alone"
     return (
         f"Ra {1e3 * found.Ra:.3g} µm, Rq {1e3 * found.Rq:.3g} µm, Rz {1e3 * found.Rz:.3g} µm on "
         f"{found.evaluation:.3g} mm {where} along the slide, cut-off {CUTOFF:g} mm (ISO 21920, ISO 4287)"

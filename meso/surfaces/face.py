@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..settings import FaceKeys
+from .measured import measured_face
 from .strip import cut, diamond_square_strip, spectral_strip
 from .surface import TILES, Body, FloatArray, Surface, diamond_square, face_generator, generator, self_affine
 
@@ -23,8 +24,12 @@ def rough_face(keys: FaceKeys, body: Body, seed: int, size: tuple[float, float])
 
     Raises:
         SettingsError: a key that is out of bounds, or grooves and roll-off that the grid cannot hold.
-        SurfaceError: a size that is not a row of whole squares, of Diamond-Square.
+        SurfaceError: a size that is not a row of whole squares, of Diamond-Square; a measured face that cannot be used.
     """
+    scan = keys.measured(body)
+    if scan is not None:
+        face = measured_face(scan, body, seed, size)
+        return face.levelled() if keys.form == "levelled" else face
     keys.check(size[1])
     strip, place = divmod(seed, TILES) if keys.form == "strip" else (seed, 0)
     face = _strip(keys, body, strip, place, size) if keys.form == "strip" else _alone(keys, body, seed, size)

@@ -7,23 +7,24 @@ near its borders the filter has one side only. What a drawing says is `profile` 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log, pi, sqrt
+from math import ceil
 
 import numpy as np
 
 from ..settings import FaceKeys
 from .face import rough_face
-from .surface import TILES, Body, FloatArray, Surface
+from .gaussian import CUTOFF, filtered, gaussian_mean
+from .surface import TILES, Body, Surface
 
-CUTOFF = 0.8
-"""Cut-off wavelength of the filter [mm], that of Ra from 0.1 to 2 um (ISO 21920-3, ISO 4288)."""
 SECTIONS = 5
 """Section lengths, of a cut-off each, in an evaluation length."""
 LONG = 40.0
 """Length of the piece of a strip that is measured, at most [mm]: ten evaluation lengths."""
 MOST_POINTS = 1_000_000
 """Points of such a piece, at most: fine strips are measured on one evaluation length."""
-_ALPHA = sqrt(log(2.0) / pi)
+
+
+__all__ = ["CUTOFF", "LONG", "MOST_POINTS", "SECTIONS", "Profile", "filtered", "measured_length", "profile"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,22 +44,6 @@ class Profile:
     """Length of the profiles that are measured [mm]."""
 
 
-def filtered(surface: Surface, cutoff: float = CUTOFF) -> Surface:
-    """The surface without its waves above the cut-off: h less its Gaussian mean surface.
-
-    Where the filter reaches beyond the border it is cut off, and its weights are scaled to the sum 1.
-
-    Args:
-        surface: the face.
-        cutoff: wavelength of which half is kept [mm].
-
-    Source: ISO 16610-61:2015; ISO 16610-21:2011, 4.2 in each direction; ends as ISO 16610-28.
-    """
-    (dx, dy), h = surface.spacing, surface.heights
-    mean = _smooth(_smooth(h, dx, cutoff).T, dy, cutoff).T
-    return Surface(h - mean, surface.size)
-
-
 def profile(surface: Surface, cutoff: float = CUTOFF) -> Profile:
     """Ra, Rq and Rz of the lines along the slide behind the filter.
 
@@ -71,7 +56,7 @@ def profile(surface: Surface, cutoff: float = CUTOFF) -> Profile:
     Source: ISO 4287:1997, 4.1 and 4.2 (ISO 21920-2:2021); ISO 16610-21:2011.
     """
     dx = surface.spacing[0]
-    z = surface.heights - _smooth(surface.heights, dx, cutoff)
+    z = surface.heights - gaussian_mean(surface.heights, dx, cutoff)
     ends = round(0.5 * cutoff / dx)
     if surface.size[0] >= 2.0 * cutoff:
         z = z[ends : len(z) - ends]
@@ -93,24 +78,10 @@ def measured_length(keys: FaceKeys, body: Body, seed: int, face: Surface) -> Sur
         seed: seed of the face.
         face: the face.
     """
-    if keys.form != "strip":
+    if keys.form != "strip" or keys.measured(body) is not None:
         return face
     width, (_, across) = face.size[1], face.shape
     least, most = ceil((SECTIONS + 1) * CUTOFF / width), round(LONG / width)
     tiles = max(least, min(most, int(MOST_POINTS / across**2)))
     strip, place = divmod(seed, TILES)
     return rough_face(keys, body, TILES * strip + place, (tiles * width, width))
-
-
-def _smooth(heights: FloatArray, spacing: float, cutoff: float) -> FloatArray:
-    """Gaussian mean along the first axis: s(x) = exp(-pi (x / (alpha cutoff))^2), to one cut-off on each side."""
-    reach = min(int(cutoff / spacing), len(heights) - 1)
-    lags = np.arange(-reach, reach + 1) * spacing
-    weights = np.exp(-pi * (lags / (_ALPHA * cutoff)) ** 2)
-    size = len(heights) + 2 * reach
-    transform = np.fft.rfft(weights, size)
-    ends = np.fft.irfft(transform * np.fft.rfft(np.ones(len(heights)), size), size)
-    sums = np.fft.irfft(transform[:, None] * np.fft.rfft(heights, size, axis=0), size, axis=0)
-    inner = slice(reach, reach + len(heights))
-    mean: FloatArray = sums[inner] / ends[inner, None]
-    return mean

@@ -1,4 +1,4 @@
-"""Rough faces from their seeds, as the database has them and the network takes them."""
+"""Rough faces from their seeds or files, as the database has them and the network takes them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from macrofit.base.arrayfile import read_npy
-from macrofit.base.arrays import FloatArray, HeightArray
-from macrofit.base.errors import OutputError
-from macrofit.base.textfile import read_text_table
-from macrofit.base.units import LENGTHS, read_heading
+from macrofit.base.arrays import HeightArray
 from meso.errors import MesoError
+from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
+from meso.surfaces.measured import covering, scan_of
+from meso.surfaces.measured import measured_face as take_face
 from meso.surfaces.surface import Body, Surface
 
 from ..errors import PredictionError
 
-MOST_BYTES = 100_000_000
-"""Size of a file of heights; 3000 x 3000 points have about as much."""
-HIGHEST = 1e3
-"""No face rises further from nominal [mm]; the network's numbers end at 3e38."""
 POINTS = 33
 """Points of a face along 1 mm."""
 
@@ -57,75 +52,44 @@ def sampled_heights(face: Surface, points: int) -> HeightArray:
 
 
 def read_face(path: Path, body: Body, points: int = POINTS) -> HeightArray:
-    """Read a face from a table of heights [mm], one row for each place along the slide (.npy, or text such as .csv).
-
-    It covers the whole face, 1 x 1 mm of the wheel or 2 x 1 mm of the axle, at any number of points. A text may name
-    another unit of length before its numbers, ``# heights [µm]``.
+    """Read a face as it stands in a file that covers it all: nothing is levelled.
 
     Raises:
-        PredictionError: it cannot be read, is no table of finite real numbers, is the same height everywhere, or its
-            points are not about as far apart along the slide as across.
+        PredictionError: as `measured_face`.
     """
-    length = 1.0 if body == "wheel" else 2.0
+    keys = ScanKeys(files=(str(path),), use="face", remove="none", levels=max(1, round(np.log2(points - 1))))
+    return measured_face(keys, body, 0, points)[0]
+
+
+def measured_face(
+    keys: ScanKeys, body: Body, seed: int, points: int = POINTS
+) -> tuple[HeightArray, tuple[str, ...], tuple[str, ...]]:
+    """Make the face of a body out of its files.
+
+    Args:
+        keys: files, and what is done with them.
+        body: body whose face it is.
+        seed: seed of the tile, where the file is a strip or patches.
+        points: points of the face along 1 mm.
+
+    Returns:
+        Heights as `generated_face`, what was done to the file, and what may be wrong with it, in words.
+
+    Raises:
+        PredictionError: a file that cannot be used, and why.
+    """
+    size = (1.0, 1.0) if body == "wheel" else (2.0, 1.0)
     try:
-        table = read_npy(path, MOST_BYTES) if path.suffix == ".npy" else _read_text(path)
-        if table.dtype.kind not in "fiu":
-            raise OutputError(f"{path}: is no table of heights: its numbers are {table.dtype}, not real ones")
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused
-            face = Surface(table, (length, 1.0))
-    except OutputError as error:
-        raise PredictionError(str(error)) from None
+        keys = covering(keys, size) if keys.use == "face" else keys
+        face = take_face(keys, body, seed, size)
+        scans = [scan_of(keys, which) for which in range(len(keys.files))]
     except MesoError as error:
-        raise PredictionError(f"{path}: {error}") from None
-    if not 0.5 < face.spacing[0] / face.spacing[1] < 2.0:
-        raise PredictionError(
-            f"{path}: {face.shape[0]} x {face.shape[1]} points are not those of {length:g} x 1 mm: "
-            f"rows run along the slide, and the {body}'s face is {length:g} mm long"
-        )
-    if float(np.abs(face.heights).max()) > HIGHEST:
-        raise PredictionError(f"{path}: holds heights beyond {HIGHEST:g} mm; they are taken for mm")
-    return sampled_heights(face, points)
+        raise PredictionError(str(error)) from None
+    done = tuple(line for scan in scans for line in scan.done)
+    return sampled_heights(face, points), done, tuple(line for scan in scans for line in scan.doubts)
 
 
 def rms_height(heights: HeightArray, body: Body) -> float:
     """Sq of a face without its mean plane [mm], on the points that the network gets."""
     face = Surface(heights.astype(np.float64), (1.0 if body == "wheel" else 2.0, 1.0)).levelled()
     return float(np.sqrt(np.mean(face.heights**2)))
-
-
-def _read_text(path: Path) -> FloatArray:
-    """The rows of numbers of a text, in mm.
-
-    Raises:
-        OutputError: it is no text, a row is no row of numbers or has another length, or the unit is not known.
-    """
-    table = read_text_table(path, MOST_BYTES)
-    rows: list[list[float]] = []
-    factor = 1.0
-    for number, line, cells in table.rows():
-        values = [table.style.number(cell) for cell in cells]
-        if line.startswith("#") or (not rows and None in values and len(cells) == 1):
-            factor = factor if rows else _factor(path, line.strip("# "), factor)
-            continue
-        row = [value for value in values if value is not None]
-        if len(row) < len(values):
-            raise OutputError(f"{path}: line {number}: is no table of heights: '{line[:60]}'; take .npy or .csv")
-        if rows and len(row) != len(rows[0]):
-            raise OutputError(f"{path}: line {number}: has {len(row)} heights, those before it {len(rows[0])}")
-        rows.append(row)
-    if not rows:
-        raise OutputError(f"{path}: is no table of heights: it has no row of numbers; take .npy or .csv")
-    return np.array(rows) * factor
-
-
-def _factor(path: Path, line: str, before: float) -> float:
-    """What brings heights under this heading to mm; as before where it names no unit.
-
-    Raises:
-        OutputError: the unit is not one of length.
-    """
-    heading = read_heading(line)
-    strange = heading.strange or (heading.unit if heading.unit not in (None, *LENGTHS) else None)
-    if strange is not None:
-        raise OutputError(f"{path}: unit '{strange}' before its heights is not known; take one of {', '.join(LENGTHS)}")
-    return before if heading.unit is None else LENGTHS[heading.unit]

@@ -17,7 +17,8 @@ def prediction_lines(pair: PairPrediction) -> list[str]:
     roughness = ", ".join(
         f"{name} {1e3 * face.std():.2f} µm" for name, face in (("wheel", pair.wheel), ("axle", pair.axle))
     )
-    lines = [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
+    lines = [f"File            {line}" for line in pair.done]
+    lines += [f"Faces           rms height: {roughness}", "  micro     meso      90 % interval of a friction test"]
     for micro, mean, half in zip(pair.micro, pair.mean, pair.half, strict=True):
         lines.append(f"  {micro:<8g}  {mean:.4f}    {mean - half:.4f} ... {mean + half:.4f}")
     if not pair.in_contact:

@@ -4,7 +4,7 @@
 
 Of each NAME (all by default) the folder gets NAME.md (what it printed), NAME.csv (its tables) and NAME.png (its
 figure, where the script has a `draw`); then benchmarks.md beside the folder is put together of all that are there,
-and the tables of the README that stand between `<!-- bench NAME -->` and `<!-- end -->` are renewed.
+and the tables of the README and of docs/ that stand between `<!-- bench NAME -->` and `<!-- end -->` are renewed.
 """
 
 from __future__ import annotations
@@ -139,8 +139,13 @@ def book(folder: Path) -> str:
     return "\n".join(parts).rstrip() + "\n"
 
 
-def renewed(readme: str, folder: Path) -> str:
-    """The README with the tables between its marks as they were measured last."""
+def pages() -> list[Path]:
+    """The pages that show tables of the records: the README and those of docs/, but for the book itself."""
+    return [ROOT / "README.md", *sorted(set((ROOT / "docs").glob("*.md")) - {RECORDS.with_suffix(".md")})]
+
+
+def renewed(page: str, folder: Path) -> str:
+    """A page with the tables between its marks as they were measured last."""
 
     def table(match: re.Match[str]) -> str:
         if not (folder / f"{match[2]}.md").is_file():
@@ -148,7 +153,7 @@ def renewed(readme: str, folder: Path) -> str:
         blocks = re.findall(r"(?:^\|.*\n)+", (folder / f"{match[2]}.md").read_text(), re.MULTILINE)
         return f"{match[1]}{blocks[int(match[3] or 1) - 1]}{match[4]}"
 
-    return MARK.sub(table, readme)
+    return MARK.sub(table, page)
 
 
 def main(words: Sequence[str]) -> int:
@@ -170,6 +175,7 @@ def main(words: Sequence[str]) -> int:
     failed = [name for name in chosen if not measure(name, folder, quick=options.quick)]
     folder.with_suffix(".md").write_text(book(folder))
     if folder == RECORDS:
-        (ROOT / "README.md").write_text(renewed((ROOT / "README.md").read_text(), folder))
+        for page in pages():
+            page.write_text(renewed(page.read_text(), folder))
     print(f"{len(chosen) - len(failed)} measured, {len(failed)} failed: {' '.join(failed)}" if failed else "done")
     return int(bool(failed))

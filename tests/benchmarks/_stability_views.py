@@ -43,10 +43,10 @@ class Watched(Press):
     taken: list[Taken]
     solved_from: list[tuple[State, Step]]  # of the present trial
 
-    def trial(self, state: State, displacement: float) -> Step:
+    def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """As the press does, but remembered."""
         self.solved_from = []
-        step = super().trial(state, displacement)
+        step = super().trial(state, displacement, thermal_strain)
         if step.report.converged:
             before = next((own for own, each in self.solved_from if each.report.answer is step.report.answer), state)
             self.taken.append(Taken(before, step))

@@ -150,7 +150,7 @@ def _interface(path: Path) -> dict[str, tuple[tuple[int, ...], bytes]]:
     return found
 
 
-TIMES = ("setup_cpu_s", "increments_cpu_s", "stress_cpu_s", "total_cpu_s", "counters")
+TIMES = ("setup_cpu_s", "increments_cpu_s", "stress_cpu_s", "total_cpu_s", "counters", "provenance")
 """Parts of summary.json that tell of the work, not of the result."""
 
 READERS = {"fitting_curve.csv": _curve, "summary.json": _summary, "interface.h5": _interface}

@@ -1,6 +1,6 @@
 """How much of a press-fit's force is the draw of the packings: one behind all tiles, sixteen dealt, one behind each?
 
-    python -m tests.benchmarks meso_packings [--tiles 100] [--spheres 500] [--choices 5] [--quick]
+    python -m tests.benchmarks meso_packings [--tiles 100] [--spheres 500] [--choices 5] [--dealt 16] [--quick]
 
 A seat of so many tiles that faces its bore half a tile off: mean over the pairs (i, i) and (i, i + 1), as the force
 has it under an even pressure. The same surfaces with other packings (`plates.packing_seed`): standard deviation of that
@@ -45,12 +45,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--tiles", type=int, default=100)
     parser.add_argument("--spheres", type=int, default=500)
     parser.add_argument("--choices", type=int, default=5)
+    names = [name for name, _ in DEALT]
+    parser.add_argument("--dealt", nargs="+", choices=names, default=names, help="how the packings are dealt")
     parser.add_argument("--quick", action="store_true", help="toy size")
     asked = parser.parse_args(arguments)
     tiles, spheres, choices = (3, 500, 2) if asked.quick else (asked.tiles, asked.spheres, asked.choices)
     print(head("packings", "tiles", "spheres", "mean", "sd of a pair", "sd of the seat", "CPU s"))
     warnings.simplefilter("ignore")  # doubts of single pairs
-    for name, packings in DEALT:
+    for name, packings in ((name, count) for name, count in DEALT if name in asked.dealt):
         with tempfile.TemporaryDirectory() as folder:
             os.environ["MACROFIT_CACHE"] = folder
             flat_packing.cache_clear()

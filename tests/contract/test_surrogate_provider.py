@@ -5,6 +5,7 @@ Where the plates have to answer they are as small as they get (400 spheres, twen
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import re
@@ -695,3 +696,13 @@ def test_network_and_plates_agree(tmp_path: Path) -> None:
     error = np.subtract(answers(network, *pairs), answers(dem, *pairs))
     assert isinstance(network, TileNetwork)
     assert (np.abs(error) <= 4.0 * network.uncertainty(asked(*pairs))).all()
+
+
+def test_the_digest_is_that_of_the_networks_file(tmp_path):
+    """For the record of a run: another network is another digest, and one that is not there has none."""
+    given = tmp_path / "own.safetensors"
+    given.write_bytes(b"weights")
+    assert Surrogate(model=str(given)).digest == hashlib.sha256(b"weights").hexdigest()
+    assert Surrogate(model=str(tmp_path / "none")).digest == ""
+    shipped = {Surrogate(plates=name).digest for name in PRESETS} | {Surrogate(network="cnn").digest}
+    assert len(shipped) == len(list(PRESETS)) + 1

@@ -1,16 +1,15 @@
-"""A friction provider as a user writes it: the README's, installed by its entry point, checked, and run."""
+"""A friction provider as a user writes it: the manual's, installed by its entry point, checked, and run."""
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pages
 import pytest
 from mpi4py import MPI
-from small import plain_shaft, small_press
+from small import plain_shaft
 
 from macrofit.friction import BuildContext, build, names
 from macrofit.friction.conformance import check
@@ -18,7 +17,7 @@ from macrofit.solve import solve
 
 HERE = Path(__file__)
 SOURCE = HERE.parents[1] / "data" / "polished.py"
-README = HERE.parents[2] / "README.md"
+PAGE = HERE.parents[2] / "docs" / "rough-friction.md"
 ITS_TEST = """\
 from macrofit.friction import BuildContext, build
 from macrofit.friction.conformance import check
@@ -45,25 +44,10 @@ def test_it_takes_twenty_five_lines_of_code() -> None:
     assert len(lines) <= 25
 
 
-def test_the_readme_shows_this_one() -> None:
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    shown = [block for block in blocks if "class Polished" in block]
-    if not shown:
-        pytest.skip("the README does not show it")
-    assert shown == [SOURCE.read_text()]
+def test_the_manual_shows_this_one() -> None:
+    blocks = [block.text for block in pages.blocks(PAGE) if block.language == "python"]
+    assert [block for block in blocks if "class Polished" in block] == [SOURCE.read_text()]
     assert ITS_TEST in blocks
-
-
-def test_the_readme_tries_a_law() -> None:
-    """Its script runs as it stands, on the small press."""
-    (block,) = (block for block in re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL) if "Step" in block)
-    told = block.replace('load_scene("wheelset")', "scene")
-    found: dict[str, Any] = {"__name__": "__main__", "scene": small_press()}
-    exec(told, found)
-    assert found["solution"].scene.friction.provider == "__main__:Step"
-    friction = found["solution"].increments[-1].facets.friction
-    assert friction.min() >= 0.0
-    assert friction.max() == 0.12
 
 
 def test_it_is_listed() -> None:

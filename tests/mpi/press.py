@@ -1,4 +1,4 @@
-"""The README's script: the same alone and under mpirun."""
+"""The script of docs/python.md: the same alone and under mpirun."""
 
 from mpi4py import MPI
 

@@ -1,32 +1,21 @@
-"""The script of the README runs alone and under mpirun, and prints the same."""
+"""The script of the manual runs alone and under mpirun, and prints the same."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
+import pages
 from conftest import Mpirun
 
-from macrofit.scene import build_scene
-
 SCRIPT = Path(__file__).with_name("press.py")
-README = (Path(__file__).parents[2] / "README.md").read_text()
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
 
 
-def block(language: str) -> str:
-    """The first code block of a language in the README."""
-    return README.split(f"```{language}\n")[1].split("```")[0]
-
-
-def test_readme_shows_the_script() -> None:
-    assert block("python").strip() == SCRIPT.read_text().split('"""\n', 1)[1].strip()
-
-
-def test_readme_scene_is_a_scene() -> None:
-    scene = build_scene(tomllib.loads(block("toml")))
-    assert len(scene.displacements) == 111
+def test_the_manual_shows_the_script() -> None:
+    first = next(block for block in pages.blocks(PAGE) if block.language == "python")
+    assert first.text.strip() == SCRIPT.read_text().split('"""\n', 1)[1].strip()
 
 
 def test_script_alone_and_on_two_ranks(mpirun: Mpirun) -> None:

@@ -66,6 +66,20 @@ def test_judge_loads_nothing_heavy(tmp_path):
     assert not loaded & HEAVY
 
 
+@pytest.mark.parametrize(("words", "allowed"), [
+    (["scenes"], set()),
+    (["schema", "verdict"], set()),
+    (["init", "hub"], set()),
+    (["check", "wheelset"], set()),
+    (["check", "wheelset", "-o", "section.svg"], {"matplotlib"}),
+])  # fmt: skip
+def test_light_commands_load_nothing_heavy(words, allowed, tmp_path, monkeypatch):
+    """Their start is that of Python, click, msgspec and numpy; a drawing needs matplotlib and no more."""
+    monkeypatch.chdir(tmp_path)
+    loaded = loaded_by(f"sys.argv[1:] = {words}; runpy.run_module('macrofit', run_name='__main__')")
+    assert not loaded & (HEAVY - allowed)
+
+
 def imported_modules(path: Path, package: str) -> set[str]:
     """The full names a file of a package imports, wherever in the file."""
     names: set[str] = set()

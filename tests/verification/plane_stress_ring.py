@@ -1,9 +1,11 @@
-"""A ring in plane stress that yields: one dimension, its own return mapping, nothing shared with the solver.
+"""A ring in plane stress or plane strain that yields: one dimension, its own return mapping, nothing of the solver's.
 
 Displacement u(r) on N linear elements with one point each; J2 with linear isotropic hardening in plane stress by the
 projected return mapping of Simo and Hughes, Computational Inelasticity, 3.4.1:
 
     ((s1 + s2) / (1 + E dg / (3 (1 - nu))))^2 / 4 + 3 ((s1 - s2) / (1 + 2 G dg))^2 / 4 = R^2,   d eps_p = dg P s
+
+In plane strain by radial return, 3.3.1, with the plastic strain along the axis as a third component.
 """
 
 from __future__ import annotations
@@ -105,6 +107,28 @@ class Ring:
     def stress(self) -> FloatArray:
         """Radial and hoop stress (elements, 2) [MPa] at the elements' middles."""
         return self._returned(self._total(self.displacement))[0]
+
+
+class PlaneStrainRing(Ring):
+    """The same ring held along its axis."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.strain = np.zeros((self.elements, 3))
+
+    def _returned(self, total: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Stress (elements, 2), plastic strain (elements, 3) and accumulated strain at total strains (elements, 2)."""
+        E, nu = self.youngs_modulus, self.poisson_ratio
+        shear, bulk = E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
+        whole = np.pad(total, ((0, 0), (0, 1)))
+        volume = whole.sum(axis=1, keepdims=True)
+        trial = 2.0 * shear * (whole - volume / 3.0 - self.strain)
+        size = np.sqrt(1.5 * (trial**2).sum(axis=1))
+        over = size - self.yield_stress - self.hardening * self.accumulated
+        grown = np.maximum(over, 0.0) / (3.0 * shear + self.hardening)
+        flow = 1.5 * trial * (grown / np.maximum(size, 1e-12))[:, None]
+        stress = trial - 2.0 * shear * flow + bulk * volume
+        return stress[:, :2], self.strain + flow, self.accumulated + grown
 
 
 def shrink_fit(ring: Ring, shaft_radius: float, compliance: float, overlap: float, steps: int = 8) -> float:

@@ -19,6 +19,7 @@ from small import small_press
 
 from macrofit.assembly import assemble, friction_field, yielding_of
 from macrofit.base.arrays import FloatArray
+from macrofit.bodies.gauss import point_matrix
 from macrofit.contact.eigen import Eigen, shifted
 from macrofit.contact.interface import couple_lines
 from macrofit.contact.law import ContactProblem, Status, classify
@@ -90,8 +91,10 @@ class Oracle:
                 body = self.bodies[name]
                 whole = np.zeros(body.body.dofs)
                 whole[body.body.free] = u[part]
-                state, rate = self.point_law(body, (body.operator @ whole).reshape(-1, 4))
-                free = body.operator[:, body.body.free]
+                gauss = body.body.gauss
+                strains = point_matrix(body.body.space, gauss.cell, gauss.strain, by_component=False)
+                state, rate = self.point_law(body, (strains @ whole).reshape(-1, 4))
+                free = strains[:, body.body.free]
                 inner = sp.block_diag([w * body.moduli @ each for w, each in zip(body.weight, rate, strict=True)])
                 tangents.append(free.T @ inner @ free)
                 forces.append(body.load(state.strain)[body.body.free])

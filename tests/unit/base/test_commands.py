@@ -7,10 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
 
 from macrofit.base.errors import OutputError
 from macrofit.base.progress import say
+from macrofit.cli import main as macrofit
+from meso.cli import main as meso
+from surrogate.cli import main as surrogate
 
 COMMAND = """
 import atexit, time
@@ -36,6 +41,47 @@ main(["run"])
 def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     words = f"{sys.executable} -m macrofit run contact-patch -o {folder / 'run'} {line}"
     return subprocess.run(["bash", "-c", words], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=100)
+
+
+@pytest.mark.parametrize(
+    ("program", "typed", "remedy"),
+    [
+        (macrofit, "rnu", "did you mean 'run'?"),
+        (macrofit, "judg", "did you mean 'judge'?"),
+        (macrofit, "zzz", "commands: check, converge, "),
+        (meso, "sufrace", "did you mean 'surface'?"),
+        (surrogate, "tarin", "did you mean 'train'?"),
+    ],
+)
+def test_a_mistyped_command_is_told_what_was_meant(program: click.Group, typed: str, remedy: str) -> None:
+    shown = CliRunner(mix_stderr=False).invoke(program, [typed])
+    assert shown.exit_code == 2
+    assert f"No such command '{typed}' ({remedy}" in shown.stderr
+
+
+@pytest.mark.parametrize(
+    ("typed", "remedy"),
+    [
+        ("wheelst", "did you mean 'wheelset'?"),
+        ("lame-ring", "did you mean 'lame-rings'?"),
+        ("my-weel.toml", "did you mean 'my-wheel.toml'?"),
+        ("drawings/hbu.toml", "did you mean 'drawings/hub.toml'?"),
+        ("zzz", "which are: contact-patch, hertz-sphere, "),
+        ("none/zzz.toml", "which are: contact-patch, "),
+    ],
+)
+def test_a_mistyped_scene_is_told_what_was_meant(
+    typed: str, remedy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A built-in scene or a file beside where it was looked for."""
+    monkeypatch.chdir(tmp_path)
+    Path("drawings").mkdir()
+    for path in ("my-wheel.toml", "drawings/hub.toml"):
+        Path(path).touch()
+    shown = CliRunner(mix_stderr=False).invoke(macrofit, ["check", typed])
+    assert (shown.exit_code, shown.stderr.count("\n")) == (2, 1)
+    assert shown.stderr.startswith(f"macrofit: no scene '{typed}': ")
+    assert remedy in shown.stderr
 
 
 @pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])

@@ -123,6 +123,14 @@ def test_what_is_not_toml_names_its_source(text: str) -> None:
         parse_toml(text, "scene.toml")
 
 
+def test_a_decimal_comma_is_said() -> None:
+    with pytest.raises(TomlError, match=r"; write -90\.125 with a decimal point$"):
+        parse_toml("[axle]\nlist = [1,2]\nseat_radius = -90,125  # drawing 7\n", "scene.toml")
+    with pytest.raises(TomlError) as caught:
+        parse_toml("a = [1,2]\nb = \n", "scene.toml")
+    assert "decimal" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("key", "last"), [("motion.travel", "travel"), ('friction.options."a.b"', "a.b"), ("a b", "a b")]
 )

@@ -228,7 +228,7 @@ def test_an_interruption_promises_nothing_that_is_not_there(
         raise KeyboardInterrupt
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("macrofit.cli.leave", lambda comm, code: sys.exit(code))
+    monkeypatch.setattr("macrofit.base.ranks.leave", lambda comm, code: sys.exit(code))
     monkeypatch.setattr("macrofit.converge.run.given_scene", interrupted)
     monkeypatch.setattr("macrofit.identify.output.read_measured", interrupted)
     shown = macrofit(*command)

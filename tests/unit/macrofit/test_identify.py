@@ -186,6 +186,9 @@ def test_what_programs_write(tmp_path: Path, encoding: str, end: str, separator:
     [
         "t [s];x [mm];F [kN]\n0;1,5;1,0\n1;2,5;2,0\n",
         "Zeit;Kraft;Weg\ns;kN;mm\n0;1,0;1,5\n1;2,0;2,5\n",
+        "Zeit;Weg;Kraft;Öldruck\ns;mm;kN;bar\n0;1,5;1,0;9\n1;2,5;2,0;9\n",
+        "Zeit;Weg;Kraft;Öl;Temperatur\ns;mm;kN;l/min;°C\n0;1,5;1,0;9;20\n1;2,5;2,0;9;20\n",
+        "Zeit;Weg;Kraft;Nr;Bemerkung\ns;mm;kN;;\n0;1,5;1,0;1;\n1;2,5;2,0;2;\n",
         "Kraft [kN];Weg [mm]\n1,0;1,5\n2,0;2,5\n",
         "F [kN];x\n1,0;1,5\n2,0;2,5\n",
         "date;x_mm;force_kN;temperature\n01.02.24 12:00;1,5;1,0;21\n01.02.24 12:01;2,5;2,0;21\n",

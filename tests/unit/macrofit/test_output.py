@@ -14,16 +14,19 @@ import msgspec
 import numpy as np
 import pytest
 from fakes import SEAT_RADIUS, fake_field, fake_increment, fake_scene, fake_solution
+from matplotlib.figure import Figure
 
 from macrofit.acceptance import verdict as press_fit_verdict
 from macrofit.base.files import replacing
 from macrofit.bodies import outlook
 from macrofit.errors import OutputError
 from macrofit.figures import curves as plots
-from macrofit.figures.stress import _outline, _split
+from macrofit.figures.body import _outline, _split, draw_axis, draw_yield, whole_window
+from macrofit.figures.stress import stress
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
 from macrofit.results import summary as report
+from macrofit.results.curves import read_curves, without_rounding
 from macrofit.scene import build_scene, load_scene
 from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
@@ -307,6 +310,13 @@ def test_figures_are_drawn(tmp_path):
         assert path.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_rounding_is_no_force_for_people():
+    """A wheel that cools in place needs no force: what is left of 1e-9 of the normal forces is said and drawn as 0."""
+    force, normal = np.array([1.8e-8, -9e-9, 2.0, 5e5]), np.array([0.0, 8e6, 8e6, 8e6])
+    assert without_rounding(force, normal).tolist() == [0.0, 0.0, 2.0, 5e5]
+    assert without_rounding(force[:0], normal[:0]).tolist() == []
+
+
 def test_figures_without_contact_or_fields(tmp_path):
     solution = dataclasses.replace(fake_solution(force=np.zeros(10)), fields={}, max_von_mises={})
     assert [path.name for path in plots.write_figures(tmp_path, solution)] == ["fitting_curve.png"]
@@ -319,6 +329,85 @@ def test_the_curve_marks_its_peak_and_a_window_that_fits():
     assert any("EN 13260" in text for text in texts)
     far = plots.fitting_curve(fake_solution(force=np.linspace(0.0, 1e4, 10)))
     assert not any("EN 13260" in text.get_text() for text in far.axes[0].texts)
+
+
+def words_of(axes):
+    return [text.get_text() for text in axes.texts]
+
+
+def test_the_stress_picture_names_what_it_shows():
+    """Bodies, push and the largest stress; true to scale."""
+    solution = fake_solution()
+    axes, bar = stress(solution).axes
+    said = words_of(axes)
+    assert {"axle", "wheel", "push"} <= set(said)
+    assert any("largest of the run" in text for text in said)
+    assert "MPa" in bar.get_ylabel()
+    low, high = axes.get_ylim()
+    across, up = (axes.get_position().size * axes.figure.get_size_inches()).tolist()
+    z0, z1 = axes.get_xlim()
+    assert across / (z1 - z0) == pytest.approx(up / (high - low))
+
+
+@pytest.mark.parametrize(("low", "said"), [(-5.0, ["axis of rotation"]), (0.0, ["axis of rotation"]), (90.0, [])])
+def test_the_axis_is_named_where_it_is_seen(low, said):
+    axes = Figure().add_subplot()
+    draw_axis(axes, (np.array([low, 0.0]), np.array([100.0, 50.0])))
+    assert words_of(axes) == said
+
+
+def test_both_ends_of_the_contact_are_zoomed_on_one_scale():
+    solution = fake_solution()
+    entrance, leading, _ = stress(solution, zoom=6.0).axes
+    assert "seat's entrance" in entrance.get_title()
+    assert "leading edge" in leading.get_title()
+    held = np.flatnonzero(solution.increments[-1].facets.pressure > 0.0)
+    for axes, end in ((entrance, solution.seat[held[0]]), (leading, solution.seat[held[-1] + 1])):
+        assert np.mean(axes.get_xlim()) == pytest.approx(end)
+    drawn = [each for axes in (entrance, leading) for each in axes.collections if each.get_array() is not None]
+    limits = {each.get_clim() for each in drawn}
+    assert len(limits) == 1
+
+
+def test_the_yield_stress_of_an_elastic_body_is_a_line():
+    """Between the largest stress and the least; beyond them, and without a yield stress, there is none."""
+    field = fake_field()
+    low, high = float(field.von_mises.min()), float(field.von_mises.max())
+    for bound, count in ((0.5 * (low + high), 1), (1.1 * high, 0), (None, 0)):
+        axes = Figure().add_subplot()
+        draw_yield(axes, field, whole_window([field]), bound)
+        assert (len(axes.collections) > 0) == (count > 0)
+
+
+def test_steps_of_several_displacements_do_not_cover_each_other():
+    """A row for each, on one scale."""
+    figure = plots.interface(fake_solution())
+    rows = figure.axes[: len(figure.axes) // 2]
+    assert [len(axes.patches) for axes in rows] == [1] * len(rows)
+    assert len(rows) > 1
+    assert len({axes.get_ylim() for axes in rows}) == 1
+    assert len({axes.get_position().y0 for axes in rows}) == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("titles", "title", "labels"),
+    [
+        (["A", "B"], "", ["A", "B"]),
+        (["A", "A"], "A", ["one", "two"]),
+        (["", ""], "", ["one", "two"]),
+        (["A", "A", "B"], "", ["A (one)", "A (two)", "B"]),
+    ],
+)
+def test_curves_are_called_by_titles_not_by_paths(titles, title, labels):
+    assert plots.called(["one", "two", "three"][: len(titles)], titles) == (title, labels)
+
+
+def test_an_overlay_has_the_windows_where_all_seats_are_of_one_diameter():
+    same, _ = press_fit_verdict(fake_solution())
+    other = msgspec.structs.replace(same, seat_diameter_mm=150.0)
+    assert plots.common_window([same, None, same]) == same
+    assert plots.common_window([same, other]) is None
+    assert plots.common_window([None]) is None
 
 
 def test_a_quadratic_triangle_is_shown_as_four(tmp_path):
@@ -342,6 +431,33 @@ def test_curves_of_several_folders_in_one_figure(tmp_path):
     assert target.read_bytes()[:4] == b"\x89PNG"
     with pytest.raises(OutputError, match=r"none.*cannot be read"):
         plots.compare([tmp_path / "none"], target)
+
+
+def test_a_study_is_plotted_with_the_labels_of_its_runs(tmp_path):
+    """Runs of one motion share a column of displacements, others have each their own, of any length."""
+    (tmp_path / "curves.csv").write_text(
+        "displacement_mm,force_N run 1: mu = 0.1,force_N run 2\n0.0,0.0,0.0\n1.0,2.0,3.0\n"
+    )
+    first, second = read_curves(tmp_path)
+    assert (first.label, second.label) == (f"{tmp_path.name}, mu = 0.1", f"{tmp_path.name}, run 2")
+    np.testing.assert_array_equal([second.displacement, second.force], [[0.0, 1.0], [0.0, 3.0]])
+    (tmp_path / "curves.csv").write_text(
+        "displacement_mm run 1,force_N run 1: x,displacement_mm run 2,force_N run 2: y\n0.0,1.0,0.0,2.0\n5.0,3.0,,\n"
+    )
+    first, second = read_curves(tmp_path)
+    np.testing.assert_array_equal([first.displacement, first.force], [[0.0, 5.0], [1.0, 3.0]])
+    np.testing.assert_array_equal([second.displacement, second.force], [[0.0], [2.0]])
+    assert plots.compare([tmp_path], tmp_path / "both.png").is_file()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a,b\n1,2\n", "force_N run 1\n1\n", "displacement_mm,force_N run 1\n0\n", "displacement_mm,force_N r\n0,x\n"],
+)
+def test_curves_that_are_no_study_are_refused(tmp_path, text):
+    (tmp_path / "curves.csv").write_text(text)
+    with pytest.raises(OutputError, match=r"curves\.csv: is not the curves of a study"):
+        read_curves(tmp_path)
 
 
 # A coefficient of friction that varies

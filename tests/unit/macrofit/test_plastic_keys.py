@@ -64,6 +64,18 @@ def test_a_mistake_is_one_line_with_its_key(keys: dict[str, str], named: str, sa
     assert said in done.stderr
 
 
+def test_a_mesh_too_coarse_for_flow_is_doubtful(tmp_path: Path) -> None:
+    """One line for each key, with what to give; refused where no doubt is allowed."""
+    steel = [w for body in ("axle", "wheel") for w in ("--set", f"{body}.material.yield_stress=420")]
+    coarse = ["--set", "mesh.seat_facet=5", "--set", "mesh.coarse=40", "--set", "motion.travel=20"]
+    done = macrofit("run", "wheelset", "-o", tmp_path / "out", "--quiet", "--strict", *steel, *coarse)
+    assert done.exit_code == 2
+    said = done.stderr.splitlines()[-1]
+    for key in ("axle.taper_blend", "wheel.chamfer_blend"):
+        assert f"coarse blend: the arc of {key}" in said
+    assert "mesh.corner_facet = " in said
+
+
 @pytest.mark.parametrize("theta", [-1, 1])
 def test_theta_is_for_elastic_bodies(theta: int) -> None:
     """... for one that yields in Nitsche's method alone, and not where it is told to stay elastic."""

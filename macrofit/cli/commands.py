@@ -1,59 +1,29 @@
-"""The command `macrofit`. What is heavy is imported inside the commands, so that help comes at once."""
+"""The commands of `macrofit`. What is heavy is imported inside the commands, so that help comes at once."""
 
 from __future__ import annotations
 
 import os
 import signal
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from functools import wraps
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from . import __version__
-from .base.commands import (
-    BUG,
+from .. import __version__
+from ..base.commands import (
     FILE,
-    INTERRUPTED,
     SETTINGS,
-    USER_MISTAKE,
     Commands,
     complain,
     few_threads,
-    say_bug,
-    set_option,
-    was_interrupted,
 )
-from .base.ranks import leave
-from .errors import MacrofitError
-from .presets import PRESETS, summary
+from ..base.progress import announce
+from ..base.ranks import ending
+from .options import POSITIVE, changes, completes_key, reads_curves, scene_argument, standard_option
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
-PATIENCE_S = 2.0
-"""How long an interrupted rank leaves the first one to write what was accepted, before it ends the job [s]."""
-
-
-def changes(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that change a scene; the command gets both as ``overrides``."""
-
-    @set_option("the scene")
-    @click.option(
-        "--preset",
-        type=click.Choice(list(PRESETS)),
-        help=f"Scale the mesh sizes of the scene; a --set of one counts more. For wheelset: {summary()}.",
-    )
-    @wraps(command)
-    def changed(*given: Any, overrides: tuple[str, ...], preset: str | None, **named: Any) -> None:
-        command(*given, overrides=overrides if preset is None else (f"preset={preset}", *overrides), **named)
-
-    return changed
+    from ..acceptance import Standard
 
 
 @click.group("macrofit", cls=Commands, context_settings=SETTINGS)
@@ -69,7 +39,7 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "-o",
     "--output",
@@ -78,40 +48,61 @@ def main() -> None:
     help="Folder of the results [the scene's name].",
 )
 @changes
+@standard_option
 @click.option("--resume", is_flag=True, help="Continue the run in the folder after its last increment.")
 @click.option("--strict", is_flag=True, help="Take a doubt about the run for an error (its results are kept).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors and doubts.")
-def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: bool, strict: bool, quiet: bool) -> None:
+def run(
+    scene: str,
+    folder: Path | None,
+    overrides: tuple[str, ...],
+    standard: str | None,
+    resume: bool,
+    strict: bool,
+    quiet: bool,
+) -> None:
     """Compute SCENE and write curve, stresses and figures into a folder; also under mpirun.
 
     A folder with results of a run is replaced. A folder with anything else in it is refused, and so is one
     with an unfinished run of the same scene, which --resume continues.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(Path(scene).stem)
     with ending(comm, target):
-        from .base.ranks import made_by_first
-        from .scene import idle_keys, load_scene
+        from ..base.ranks import made_by_first
+        from ..scene import idle_keys, load_scene
 
-        resolved = made_by_first(comm, lambda: load_scene(scene, overrides))
+        resolved, rules = made_by_first(comm, lambda: (load_scene(scene, overrides), asked_standard(standard)))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
         if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
             import_mesher()
-        from .run import carry_out
+        from ..run import carry_out
 
-        say_lines(carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict), quiet=quiet)
+        lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict, standard=rules)
+        say_lines(lines, quiet=quiet)
+
+
+def asked_standard(named: str | None) -> Standard | None:
+    """The standard of `--standard`; None where there is none. Raises StandardError."""
+    if named is None:
+        return None
+    from ..acceptance import load_standard
+
+    return load_standard(named)
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--vary",
     multiple=True,
     required=True,
     metavar="KEY=V1,V2,...",
-    help="Values of a key of the scene, or a range of integers, 1:200. More than one: every combination.",
+    shell_complete=completes_key,
+    help="Values of a key of the scene, or a range first:last:step, 0.1:0.5:0.1. More than one: every combination.",
 )
 @click.option(
     "--reference",
@@ -121,6 +112,7 @@ def run(scene: str, folder: Path | None, overrides: tuple[str, ...], resume: boo
     help="One more run to compare with; also KEY=VALUE,KEY=VALUE,... as for --set.",
 )
 @changes
+@standard_option
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
@@ -130,6 +122,7 @@ def study(
     vary: tuple[str, ...],
     references: tuple[str, ...],
     overrides: tuple[str, ...],
+    standard: str | None,
     folder: Path | None,
     resume: bool,
     keep: bool,
@@ -145,36 +138,24 @@ def study(
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
     """  # noqa: D301 - click wants the character
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
-        from .base.ranks import made_by_first
-        from .study.plan import plan_study
-        from .study.run import carry_out_study
+        from ..base.ranks import made_by_first
+        from ..study.plan import Plan, plan_study
+        from ..study.run import carry_out_study
 
-        plan = made_by_first(comm, lambda: plan_study(scene, vary, overrides, references))
+        def planned() -> Plan:
+            return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
+
+        plan = made_by_first(comm, planned)
         say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
-def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that say how a measured curve is read; the command gets them by the names of `Reading`."""
-    for option in (
-        click.option("--shift", type=float, default=0.0, metavar="MM", help="Add this to the displacements."),
-        click.option("--to", "end", type=float, metavar="MM", help="Use it up to this one."),
-        click.option(
-            "--from", "start", type=float, metavar="MM", help="Use the record from this displacement in it on."
-        ),
-        click.option(
-            "--columns", metavar="D,F", help="Columns of displacement and force, by number or name [found by units]."
-        ),
-    ):
-        command = option(command)
-    return command
-
-
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--curve",
     required=True,
@@ -183,7 +164,12 @@ def reads_curves(command: Callable[..., None]) -> Callable[..., None]:
 )
 @reads_curves
 @click.option("--free-shift", is_flag=True, help="Seek such a shift too, for a record that began late.")
-@click.option("--key", metavar="KEY", help="What is sought [the provider's coefficient or micro_friction].")
+@click.option(
+    "--key",
+    metavar="KEY",
+    shell_complete=completes_key,
+    help="What is sought [the provider's coefficient or micro_friction].",
+)
 @click.option("--bounds", metavar="LOW,HIGH", help="Values it may have.")
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-identified.")
@@ -204,12 +190,13 @@ def identify(
 
     Writes identification.json, identified_curve.csv and a figure into a folder.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-identified")
     with ending(comm, target, resumes=False):
-        from .identify.measured import Reading
-        from .identify.output import carry_out_identification
+        from ..identify.measured import Reading, interval, two_columns
+        from ..identify.output import carry_out_identification
 
         reading = Reading(columns=two_columns(columns), **of_curve)
         lines = carry_out_identification(
@@ -233,10 +220,11 @@ def identify(
 @click.option("--diameter", type=POSITIVE, metavar="MM", help="Diameter of the seat.")
 @click.option("--length", type=POSITIVE, metavar="MM", help="Length that seat and bore have in common at the end.")
 @click.option("--interference", type=float, metavar="MM", help="Measured interference, on the diameter.")
-@click.option("--standard", metavar="NAME", help="A built-in standard, or a TOML file of your own [en-13260].")
+@standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in the standard, for its window of the final force.")
 @reads_curves
 @click.option("-o", "--output", "target", type=FILE, help="Write the verdict to this file too, as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, see `macrofit schema verdict`.")
 @click.pass_context
 def judge(
     context: click.Context,
@@ -247,6 +235,7 @@ def judge(
     standard: str | None,
     wheel: str | None,
     target: Path | None,
+    as_json: bool,
     columns: str | None,
     **of_curve: Any,
 ) -> None:
@@ -260,19 +249,21 @@ def judge(
     macrofit judge press.csv --diameter 190 --length 180 --standard gost-11018 --wheel emu
     macrofit judge wheelset
     """  # noqa: D301 - click wants the character
-    from .identify.measured import Reading
-    from .judge import Seat, carry_out_judgement
+    from ..identify.measured import Reading, two_columns
+    from ..judge import Seat, carry_out_judgement
 
     reading = Reading(columns=two_columns(columns), **of_curve)
     seat = Seat(diameter=diameter, length=length, interference=interference)
-    lines, code = carry_out_judgement(curve, seat, reading=reading, standard=standard, wheel=wheel, target=target)
+    lines, code = carry_out_judgement(
+        curve, seat, reading=reading, standard=standard, wheel=wheel, target=target, as_json=as_json
+    )
     for line in lines:
         click.echo(line)
     context.exit(code)
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @click.option(
     "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
     help="Relative error of force, pressure and largest stress that a preset must meet.",
@@ -286,23 +277,29 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
     The meshes are twice as coarse as the scene's, its own and twice as fine; Richardson's extrapolation gives the
     limit. Then the presets are tried, cheapest first, until one meets the tolerance. Writes convergence.json.
     """
+    announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-convergence")
     with ending(comm, target, resumes=False):
         if comm.rank < 2:
             import_mesher()
-        from .converge.run import carry_out_convergence
+        from ..converge.run import carry_out_convergence
 
         lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
         for line in [] if quiet else lines:
             click.echo(line)
 
 
+def loading(scene: str) -> str:
+    """What is said of a scene before anything is loaded for it."""
+    return f"Scene           {scene}; loading the solver"
+
+
 def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
     """Print a summary; of a quiet run its doubts alone, as errors are."""
-    from .base.progress import say
-    from .results.doubts import DOUBTFUL
+    from ..base.progress import say
+    from ..results.doubts import DOUBTFUL
 
     for line in lines:
         if not quiet:
@@ -319,63 +316,10 @@ def import_mesher() -> None:
     signal.signal(signal.SIGINT, interrupt)  # it takes Ctrl-C for itself
 
 
-def interval(text: str | None) -> tuple[float, float] | None:
-    """LOW,HIGH as numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise SceneError(f"--bounds '{text}': write low,high, for example 0.01,0.1") from None
-    return low, high
-
-
-def two_columns(text: str | None) -> tuple[str, str] | None:
-    """D,F as two names or numbers. Raises SceneError."""
-    from .errors import SceneError
-
-    if text is None:
-        return None
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2 or not all(parts) or parts[0] == parts[1]:
-        raise SceneError(f"--columns '{text}': write the numbers or names of two columns, for example 2,3")
-    return parts[0], parts[1]
-
-
-@contextmanager
-def ending(comm: MPI.Comm, folder: Path, *, resumes: bool = True) -> Iterator[None]:
-    """End every rank with the right code and one message: never a rank that waits for one that is gone.
-
-    ``resumes``: what was computed is in ``folder`` and can be gone on with; otherwise nothing is kept.
-    """
-    try:
-        yield
-    except MacrofitError as error:  # raised on every rank together
-        if comm.rank == 0:
-            complain(error)
-        sys.exit(USER_MISTAKE)
-    except (KeyboardInterrupt, Exception) as error:
-        if was_interrupted(error):
-            if comm.rank == 0:
-                kept = (
-                    f"; what was computed is in {folder}, continue with --resume" if resumes else "; nothing was kept"
-                )
-                complain(f"interrupted{kept}")
-            else:
-                time.sleep(PATIENCE_S)
-            leave(comm, INTERRUPTED)
-        if comm.size == 1:
-            raise
-        say_bug(comm.rank, comm.size)
-        leave(comm, BUG)
-
-
 @main.command()
 def scenes() -> None:
     """List the built-in scenes."""
-    from .scene import load_scene, scene_names
+    from ..scene import load_scene, scene_names
 
     names = scene_names()
     width = max(len(name) for name in names)
@@ -386,7 +330,7 @@ def scenes() -> None:
 @main.command()
 def providers() -> None:
     """List the installed friction providers and where they come from."""
-    from .friction import registry
+    from ..friction import registry
 
     for name, source, target in registry.names():
         click.echo(f"{name}  from {source}, {target}")
@@ -402,14 +346,14 @@ def init(kind: str, target: Path | None) -> None:
     """
     if kind == "meshes":
         import_mesher()
-    from .drafts.write import write_draft
+    from ..drafts.write import write_draft
 
     for file in write_draft(kind, target or Path(f"{kind}.toml")):
         click.echo(f"Written         {file}")
 
 
 @main.command()
-@click.argument("scene")
+@scene_argument
 @changes
 @click.option(
     "-o", "--output", "target", type=FILE, metavar="DRAWING",
@@ -417,43 +361,39 @@ def init(kind: str, target: Path | None) -> None:
 )  # fmt: skip
 def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
-    from .base.progress import printable
-    from .bodies.outlook import first_touch
-    from .friction import registry
-    from .results.doubts import doubtful_lines
-    from .results.foresight import foreseen
-    from .results.summary import interference_line
-    from .scene import idle_keys, load_scene
+    from ..friction import registry
+    from ..results.outlook import outlook
+    from ..scene import idle_keys, load_scene
 
     resolved = load_scene(scene, overrides)
     for line in idle_keys(resolved):
         complain(f"warning: {line}")
     registry.load(resolved.friction.provider, resolved.friction.options)
-    touch = first_touch(resolved)
-    places = resolved.displacements
-    if resolved.title:
-        click.echo(f"Title           {printable(resolved.title)}")
-    if resolved.interference is not None:
-        click.echo(interference_line(resolved.interference))
-    click.echo(f"Increments      {len(places)}, from {places[0]:g} to {places[-1]:g} mm")
-    click.echo(f"First touch     {'none' if touch is None else f'at {touch:g} mm'}")
-    click.echo(f"Friction        {resolved.friction.provider}")
-    for line in doubtful_lines(foreseen(resolved)):
+    for line in outlook(resolved):
         click.echo(line)
     if target is not None:
-        from .figures.section import write_section
+        from ..figures.section import write_section
 
         click.echo(f"Section         {write_section(resolved, target)}")
 
 
 @main.command()
-def schema() -> None:
-    """Print the JSON schema of a scene, for editors."""
+@click.argument("kind", type=click.Choice(["scene", "standard", "verdict"]), default="scene")
+def schema(kind: str) -> None:
+    """Print a JSON schema: every key with its meaning, unit and bounds.
+
+    KIND is scene (the default) or standard, for editors, or verdict, for programs that read what `macrofit judge
+    --json` prints and summary.json has.
+    """
     import msgspec
 
-    from .scene import json_schema
-
-    click.echo(msgspec.json.format(msgspec.json.encode(json_schema()), indent=2).decode())
+    if kind == "scene":
+        from ..scene import json_schema as of_kind
+    elif kind == "standard":
+        from ..acceptance import standard_schema as of_kind
+    else:
+        from ..acceptance import verdict_schema as of_kind
+    click.echo(msgspec.json.format(msgspec.json.encode(of_kind()), indent=2).decode())
 
 
 @main.command()
@@ -463,7 +403,25 @@ def schema() -> None:
     show_default=True, help="The figure.",
 )  # fmt: skip
 def plot(folders: tuple[Path, ...], target: Path) -> None:
-    """Overlay the fitting curves of output folders in one figure."""
-    from .figures.curves import compare
+    """Overlay the fitting curves of folders of runs and studies in one figure."""
+    from ..figures.curves import compare
 
     click.echo(compare(folders, target))
+
+
+@main.command()
+@click.argument("folder", type=FILE, metavar="DIR")
+@click.option("-o", "--output", "target", type=FILE, metavar="PAGE", help="The page [report.html in DIR].")
+@click.option("--pdf", is_flag=True, help="Print it as PDF too, by chromium or weasyprint where one is there.")
+@standard_option
+@click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
+def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
+    """Write one HTML page of a run, or of a study: a file that opens without a network.
+
+    It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
+    along the seat, balances and doubts, and what made it. Nothing is computed anew.
+    """
+    from ..report import write_report
+
+    for line in write_report(folder, target, pdf=pdf, standard=standard, wheel=wheel):
+        click.echo(line)

@@ -1,0 +1,5 @@
+"""A page to file of a run or a study: one HTML file that opens offline, and a PDF of it."""
+
+from .output import write_report
+
+__all__ = ["write_report"]

@@ -1,0 +1,77 @@
+"""The page of a folder, written; and its PDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..base.files import check_regular, write_text
+from ..errors import OutputError
+from ..results.folder import SCENE, SUMMARY
+from .page import MOST_BYTES, rendered
+from .pdf import write_pdf
+
+STUDY = "study.json"
+NAME = "report.html"
+
+
+def write_report(
+    folder: Path,
+    target: Path | None = None,
+    *,
+    pdf: bool = False,
+    standard: str | None = None,
+    wheel: str | None = None,
+) -> list[str]:
+    """Write the page of a run or of a study, and with ``pdf`` a PDF of it beside it; gives the lines that say so.
+
+    Args:
+        folder: what `macrofit run` or `macrofit study` has written.
+        target: the file [report.html in the folder].
+        pdf: print it too; a browser or weasyprint does that.
+        standard: a standard of this name, or of this file, in place of that of the run's verdict.
+        wheel: type of wheel in it.
+
+    Raises:
+        MacrofitError: the folder holds neither, its files are damaged, or nothing here can make a PDF (the page is
+            written all the same).
+    """
+    target = target or folder / NAME
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{target}: is no name of a page; end it with .html")
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; name a file in it")
+    write_text(target, _page(folder, standard, wheel))
+    lines = [f"Report          {target}"]
+    if pdf:
+        lines.append(f"PDF             {write_pdf(target)}")
+    return lines
+
+
+def _page(folder: Path, standard: str | None, wheel: str | None) -> str:
+    if (folder / STUDY).is_file():
+        if standard is not None or wheel is not None:
+            raise OutputError(f"{folder}: is a study, whose runs are judged already; leave --standard and --wheel out")
+        from .study import study_page
+
+        return rendered("study.html", study_page(folder))
+    if wheel is not None and standard is None:
+        raise OutputError("--wheel: is a type of wheel in a standard; name it with --standard")
+    _check_run(folder)
+    from .run import run_page
+
+    return rendered("run.html", run_page(folder, standard=standard, wheel=wheel))
+
+
+def _check_run(folder: Path) -> None:
+    """See that the folder is that of a run which has ended.
+
+    Raises:
+        OutputError: it is not.
+    """
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: is no folder; give one that macrofit run or macrofit study has written")
+    if not (folder / SCENE).is_file():
+        raise OutputError(f"{folder}: holds no run of macrofit ({SCENE} is missing) and no study ({STUDY} is missing)")
+    if not (folder / SUMMARY).is_file():
+        raise OutputError(f"{folder}: the run has not ended ({SUMMARY} is missing); continue it with --resume")
+    check_regular(folder / SUMMARY, MOST_BYTES)

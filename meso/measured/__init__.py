@@ -1,0 +1,1 @@
+"""Measured surfaces: read from the files of instruments, mended and levelled."""

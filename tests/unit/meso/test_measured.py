@@ -1,0 +1,366 @@
+"""Measured surfaces: every format alike, what is wrong mended or refused by name, tiles cut from strips and patches."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from importlib import resources
+from pathlib import Path
+from types import ModuleType
+
+import msgspec
+import numpy as np
+import pytest
+import scans
+from click.testing import CliRunner
+
+from macrofit.friction import BuildContext, ProviderError, TilePairs, build, load
+from macrofit.friction.conformance import check
+from macrofit.results.journal import file_digests
+from macrofit.scene.load import build_scene
+from meso.cli import main
+from meso.errors import SettingsError, SurfaceError
+from meso.measured.clean import lay
+from meso.measured.keys import ScanKeys
+from meso.measured.read import read_scan
+from meso.settings import Settings, decode, dump
+from meso.settings import load as load_settings
+from meso.surfaces.face import rough_face
+from meso.surfaces.measured import as_surface, covering, measured_face, scan_of
+from meso.surfaces.roughness import measure
+from meso.surfaces.surface import tile_seed
+from surrogate.network.predict import Predictor
+from surrogate.pair import predict_pair
+
+STEP = (0.01, 0.0125)
+SHAPE = (210, 90)  # 2.1 x 1.125 mm
+SIZES = {"axle": (2.0, 1.0), "wheel": (1.0, 1.0)}
+
+
+@pytest.fixture(scope="module")
+def heights() -> np.ndarray:
+    return scans.textured(np.random.default_rng(3), SHAPE, STEP)
+
+
+@pytest.fixture(scope="module")
+def network() -> Predictor:
+    return Predictor()
+
+
+def keys(path: Path, **more: object) -> ScanKeys:
+    given = {"spacing": STEP} if path.suffix == ".npy" else {}
+    return ScanKeys(**{"files": (str(path),), "use": "face"} | given | more)
+
+
+def written(folder: Path, name: str, table: np.ndarray, step: tuple[float, float] = STEP) -> Path:
+    path = folder / name
+    path.write_bytes(scans.WRITERS[name](table, step))
+    return path
+
+
+def predicted(predictor: Predictor, scan: ScanKeys) -> float:
+    """Coefficient of the face as the axle's, on a generated wheel."""
+    return float(predict_pair(predictor, (0.07,), None, scan, 1, 2, 0.02, 3, 0.8).mean[0])
+
+
+@pytest.mark.parametrize("missing", [False, True])
+@pytest.mark.parametrize("name", scans.WRITERS)
+def test_one_surface_is_the_same_in_every_format(
+    heights: np.ndarray, network: Predictor, tmp_path: Path, name: str, missing: bool
+) -> None:
+    """Coarsest steps of a height: 1e-10 m in the files of whole numbers, single precision in others."""
+    table = heights.copy()
+    if missing:
+        table[40:43, 10:14] = table[199, 3] = np.nan
+    path, first = written(tmp_path, name, table), written(tmp_path, "a.npy", table)
+    scan, true = scan_of(keys(path), 0), scan_of(keys(first, unit="mm"), 0)
+    assert scan.heights.shape == SHAPE
+    assert scan.spacing == pytest.approx(STEP, rel=1e-6)
+    assert np.abs(scan.heights - true.heights).max() < 2e-7
+    assert measure(as_surface(scan)).Sq == pytest.approx(measure(as_surface(true)).Sq, rel=1e-6)
+    assert predicted(network, keys(path)) == pytest.approx(predicted(network, keys(first)), abs=1e-6)
+    assert any("missing: 13 points" in line for line in scan.done) is missing
+
+
+def test_the_surface_is_turned_where_its_y_runs_along_the_slide(heights: np.ndarray, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.sur", heights.T, STEP[::-1])
+    with pytest.raises(SurfaceError, match=r"1.125 mm along the slide and 2.1 mm across, .* is along = 'y' right"):
+        measured_face(keys(path), "axle", 0, SIZES["axle"])
+    found = measured_face(keys(path, along="y"), "axle", 0, SIZES["axle"])
+    straight = measured_face(keys(written(tmp_path, "a.npy", heights)), "axle", 0, SIZES["axle"])
+    assert np.allclose(found.heights, straight.heights, atol=2e-7)
+
+
+def test_tilt_offset_and_curvature_do_not_count(heights: np.ndarray, network: Predictor, tmp_path: Path) -> None:
+    """A tilt of 10 um/mm that is left in moves the coefficient by 0.01."""
+    x, y = (STEP[k] * np.arange(SHAPE[k]) for k in (0, 1))
+    odd = heights + 0.3 + 0.01 * x[:, None] + 0.007 * y - (y - 0.5) ** 2 / (2 * 90.0)
+    flat, bent = written(tmp_path, "a.npy", heights), written(tmp_path, "a.x3p", odd)
+    assert predicted(network, keys(bent)) == pytest.approx(predicted(network, keys(flat)), abs=1e-6)
+    left = predicted(network, keys(bent, remove="none"))
+    assert abs(left - predicted(network, keys(flat))) > 3e-3
+    bow = written(tmp_path, "b.sdf", odd + 0.02 * (x[:, None] - 1.0) ** 3)
+    assert predicted(network, keys(bow, remove="polynomial", degree=3)) == pytest.approx(
+        predicted(network, keys(flat, remove="polynomial", degree=3)), abs=1e-4
+    )
+
+
+def test_spikes_are_mended_and_grooves_are_not(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    smooth = scans.turned(rng, (400, 200), (0.005, 0.005))
+    whole = scan_of(keys(written(tmp_path, "a.sur", smooth, (0.005, 0.005))), 0)
+    assert whole.done == ("form removed: cylinder",)
+    assert lay(whole)[0] > 85.0
+    assert lay(whole)[1] > 0.5
+    places = rng.integers(2, 190, (60, 2)).T
+    spiky = smooth.copy()
+    spiky[places[0], places[1]] += rng.choice([-1.0, 1.0], 60) * 0.3
+    scan = scan_of(keys(written(tmp_path, "a.x3p", spiky, (0.005, 0.005))), 0)
+    assert any(line.startswith("spikes: ") for line in scan.done)
+    assert measure(as_surface(scan)).Sq == pytest.approx(measure(as_surface(whole)).Sq, rel=0.01)
+
+
+REFUSED = {
+    "all missing": (lambda h: h * np.nan, {}, "none of its heights is a finite number"),
+    "many missing": (lambda h: np.where(np.arange(h.size).reshape(h.shape) % 3, h, np.nan), {}, "33% of its points"),
+    "flat": (lambda h: 0.0 * h + 1.0, {}, "all its heights are the same"),
+    "µm for mm": (lambda h: 1e3 * h, {}, "are the heights in a smaller unit"),
+    "m for mm": (lambda h: 1e-3 * h, {}, "are the heights in a larger unit"),
+    "a line": (lambda h: h[:, 0], {}, "takes at least 2 x 2 points"),
+    "no spacing": (lambda h: h, {"spacing": None}, "the distance of its points is not known"),
+    "spacing in µm": (lambda h: h, {"spacing": 10.0}, "spacing is in mm; is it in m or µm"),
+    "spacing in m": (lambda h: h, {"spacing": 1e-5}, "spacing is in mm; is it in m or µm"),
+    "small": (lambda h: h[:150], {}, "covers 1.5 mm along the slide and 1.125 mm across, a tile needs 2 x 1 mm"),
+    "noise": (lambda h: h + (np.random.default_rng(1).random(h.shape) < 0.1), {}, "are spikes"),
+    "two files": (lambda h: h, {"use": "strip", "files": ("a", "b")}, "use = 'strip' takes one file"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_used_is_refused_by_name(heights: np.ndarray, tmp_path: Path, case: str) -> None:
+    spoil, more, message = REFUSED[case]
+    path = tmp_path / "a.npy"
+    np.save(path, spoil(heights))
+    with pytest.raises(SurfaceError, match=message):
+        measured_face(keys(path, **more), "axle", 0, SIZES["axle"])
+
+
+DOUBTED = {
+    "along the slide": (lambda h: scans.turned(np.random.default_rng(2), (110, 110), STEP).T, {}, "is along right"),
+    "a tenth": (lambda h: 0.02 * h, {}, "which is rare on machined faces"),
+    "coarse": (lambda h: h[::16, ::16], {"spacing": 0.16}, "coarser than the means"),
+    "a hole": (lambda h: np.where(np.add(*np.indices(h.shape)) % 12, h, np.nan), {}, "missing: 8.3% of the points"),
+    "steep": (lambda h: h + np.random.default_rng(4).normal(0.0, 0.008, h.shape), {}, "its slope Sdq is"),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTED)
+def test_what_may_be_wrong_is_said(heights: np.ndarray, tmp_path: Path, case: str) -> None:
+    spoil, more, message = DOUBTED[case]
+    path = tmp_path / "a.npy"
+    np.save(path, spoil(heights))
+    assert message in " ".join(scan_of(keys(path, **more), 0).doubts)
+
+
+def test_contradictions_and_other_files_are_refused(heights: np.ndarray, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.sur", heights)
+    for more, message in (
+        ({"unit": "mm"}, "unit = 'mm' is asked for, and the file says another one"),
+        ({"spacing": 0.02}, "spacing = 0.02, 0.02 mm is asked for, and the file says 0.01, 0.0125 mm"),
+    ):
+        with pytest.raises(SurfaceError, match=message):
+            scan_of(keys(path, **more), 0)
+    whole = path.read_bytes()
+    others = {
+        "cut.sur": whole[:-9],
+        "head.sur": whole[:300],
+        "empty.sur": b"",
+        "odd.opd": b"1234",
+        "pack.sur": b"DSCOMP",
+    }
+    others |= {"zip.x3p": b"PK\x03\x04 1", "none.xyz": b"1 2\n", "odd.xyz": b"0 0 1\n1 0 1\n0 .4 1\n1 1 1\n2 .1 0\n"}
+    others["big.sdf"] = scans.sdf(heights, STEP).replace(b"NumPoints   = 210", b"NumPoints   = 10000000000")
+    for name, data in others.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(SurfaceError, match=name.replace(".", r"\.")) as caught:
+            scan_of(keys(tmp_path / name), 0)
+        assert "\n" not in str(caught.value)
+
+
+# --- tiles of strips and patches
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory: pytest.TempPathFactory) -> ScanKeys:
+    table = scans.textured(np.random.default_rng(8), (1000, 105), (0.01, 0.01))  # 10 x 1.05 mm
+    return keys(written(tmp_path_factory.mktemp("strip"), "a.sur", table, (0.01, 0.01)), use="auto").found()
+
+
+def test_a_strip_lies_in_place(strip: ScanKeys) -> None:
+    fourth, fifth = (measured_face(strip, "axle", tile_seed(7, k), (2.0, 1.0)).heights for k in (3, 4))
+    assert np.allclose(fourth[16:], fifth[:17], rtol=0, atol=1e-15)
+    assert np.array_equal(fourth, measured_face(strip, "axle", tile_seed(1, 3), (2.0, 1.0)).heights)
+    raw = scan_of(strip, 0).heights
+    point = raw[347:353, 49:56]  # the mean over 62.5 um about x = 3.5, y = 0.5 + 0.025
+    assert fourth[8, 8] == pytest.approx(point.mean(), abs=2e-4)
+    last = measured_face(strip, "axle", tile_seed(1, 9), (2.0, 1.0)).heights
+    assert np.allclose(last[17:], last[:16][::-1], rtol=0, atol=1e-12)
+    with pytest.raises(SurfaceError, match="is 10 mm long, and tile 20 begins at 20 mm"):
+        measured_face(strip, "axle", tile_seed(1, 20), (2.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def patches(tmp_path_factory: pytest.TempPathFactory) -> ScanKeys:
+    folder, rng = tmp_path_factory.mktemp("patches"), np.random.default_rng(9)
+    files = []
+    for k in range(3):
+        files.append(folder / f"{k}.x3p")
+        files[-1].write_bytes(scans.x3p(scans.textured(rng, (200, 200), (0.005, 0.005)), (0.005, 0.005)))
+    return ScanKeys(files=tuple(map(str, files))).found()
+
+
+def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
+    """Neighbours share what they overlap; another draw is another strip; the variance is that of the patches."""
+    faces = [measured_face(patches, "axle", tile_seed(1, k), (2.0, 1.0)).heights for k in range(60)]
+    assert np.allclose(faces[5][16:], faces[6][:17], rtol=0, atol=1e-15)
+    assert np.array_equal(faces[7], measured_face(patches, "axle", tile_seed(1, 7), (2.0, 1.0)).heights)
+    for other in (tile_seed(2, 7), tile_seed(1, 9)):
+        assert not np.allclose(faces[7], measured_face(patches, "axle", other, (2.0, 1.0)).heights, atol=1e-4)
+    bore = measured_face(patches, "wheel", tile_seed(1, 7), (1.0, 1.0)).heights
+    assert not np.allclose(faces[7][:17], bore, atol=1e-4)
+    alone = [ScanKeys(files=(name,), use="face") for name in patches.files]
+    means = [measured_face(each, "wheel", 0, (1.0, 1.0)).heights for each in alone]
+    there = np.mean([np.mean(face**2) for face in means])
+    assert np.mean([np.mean(face[:16] ** 2) for face in faces]) == pytest.approx(there, rel=0.1)
+    steps = np.concatenate([np.diff(face[:17], axis=0).ravel() for face in faces])
+    assert np.abs(steps).max() < 3.0 * max(np.abs(np.diff(face, axis=0)).max() for face in means)
+
+
+def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
+    face = rough_face(Settings().surface, "wheel", 5, (1.0, 1.0))
+    np.save(tmp_path / "w.npy", face.heights)
+    scan = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
+    assert np.allclose(measured_face(scan, "wheel", 0, (1.0, 1.0)).resampled((9, 9)).heights, face.heights, atol=1e-15)
+
+
+# --- settings, scenes, providers
+
+
+def test_settings_know_the_digest_and_the_folder(strip: ScanKeys, tmp_path: Path) -> None:
+    data = Path(strip.files[0]).read_bytes()
+    (tmp_path / "a.sur").write_bytes(data)
+    (tmp_path / "s.toml").write_text('[surface]\naxle = "a.sur"\nbore = { files = ["a.sur"], use = "patches" }\n')
+    settings = load_settings(tmp_path / "s.toml")
+    found = settings.surface.measured("axle")
+    assert found is not None
+    assert (found.files, found.sha256) == ((str(tmp_path / "a.sur"),), strip.sha256)
+    (tmp_path / "again.toml").write_text(dump(settings))
+    assert load_settings(tmp_path / "again.toml") == settings
+    assert settings.fingerprint != Settings().fingerprint
+    (tmp_path / "a.sur").write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(SettingsError, match=r"surface\.axle\.sha256: the content of .*a\.sur is another"):
+        load_settings(tmp_path / "again.toml")
+    other = load_settings(tmp_path / "s.toml")
+    assert other.fingerprint != settings.fingerprint
+    with pytest.raises(SurfaceError, match="its content is another than that with the digest"):
+        rough_face(settings.surface, "axle", 3, (2.0, 1.0))
+    for table, message in (
+        ({"axle": "none.sur"}, r"surface\.axle: none\.sur: cannot be read"),
+        ({"bore": {"files": []}}, r"surface\.bore\.files: is empty"),
+        ({"axle": {"files": ["a"], "unit": "ft"}}, "surface.axle.unit"),
+    ):
+        with pytest.raises(SettingsError, match=message):
+            decode({"surface": table})
+
+
+CONTEXT = BuildContext(seat_tiles=6, bore_tiles=6, youngs_modulus=206000.0, poisson_ratio=0.3)
+
+
+def options(strip: ScanKeys, patches: ScanKeys) -> dict[str, object]:
+    return {"surface": {"axle": strip.files[0], "bore": list(patches.files)}, "micro_friction": 0.07}
+
+
+def test_a_scene_names_its_files(strip: ScanKeys, patches: ScanKeys, tmp_path: Path) -> None:
+    """Whatever compares scenes, a resumed run with its journal or ranks with each other, compares these digests."""
+    for k, name in enumerate((strip.files[0], *patches.files)):
+        (tmp_path / f"{k}{Path(name).suffix}").write_bytes(Path(name).read_bytes())
+    surface = {"axle": "0.sur", "bore": ["1.x3p", "2.x3p", "3.x3p"]}
+    tables = tomllib.loads((resources.files("macrofit.scene") / "library" / "wheelset.toml").read_text())
+    scene = build_scene(tables | {"friction": {"provider": "surrogate", "options": {"surface": surface}}}, tmp_path)
+    digests = file_digests(scene)
+    assert sorted(digests.values()) == sorted((*strip.sha256, *patches.sha256))
+    (tmp_path / "2.x3p").write_bytes(b"another")
+    changed = [key for key, value in file_digests(scene).items() if digests[key] != value]
+    assert changed == ["friction.options.surface.bore.1"]
+
+
+def test_the_network_takes_measured_faces(strip: ScanKeys, patches: ScanKeys) -> None:
+    provider = build("surrogate", options(strip, patches), CONTEXT)
+    check(provider, 6, 6)
+    with pytest.warns(UserWarning, match="is 10 mm long, the axle has 15 tiles: it is reflected there"):
+        build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=15))
+    with pytest.raises(ProviderError, match="is 10 mm long, and tile 39 begins at 39 mm"):
+        build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
+    with pytest.raises(ProviderError, match=r"friction\.options\.surface\.axle: no\.sur: cannot be read"):
+        load("surrogate", {"surface": {"axle": "no.sur"}})
+
+
+def test_the_plates_take_measured_faces(strip: ScanKeys, patches: ScanKeys) -> None:
+    more = {"plates": {"spheres": 400}, "engine": {"increment": 0.02}, "cache": False}
+    provider = build("dem", options(strip, patches) | more, CONTEXT)
+    one, none = np.array([3]), np.zeros(1)
+    answer = provider.coefficients(TilePairs(one, one - 1, none, none))
+    assert 0.05 < answer[0] < 0.1
+    with pytest.raises(ProviderError, match="begins at 39 mm"):
+        build("dem", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
+
+
+def test_the_command_shows_a_file(strip: ScanKeys, patches: ScanKeys, tmp_path: Path) -> None:
+    def said(*arguments: object) -> str:
+        shown = CliRunner().invoke(main, ["surface", *map(str, arguments)])
+        assert shown.exit_code == 0, shown.output
+        return shown.stdout
+
+    out = said("--file", strip.files[0], "--body", "axle", "--use", "strip", "--seed", 3, "-o", tmp_path / "s.png")
+    for words in ("10 x 1.05 mm, 1000 x 105 points", "form removed: cylinder", "Sq 1.6 µm", "Lay             none"):
+        assert words in out
+    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+    out = said(*(part for name in patches.files for part in ("--file", name)), "--filter", 0.8)
+    assert out.count("waves above 0.8 mm filtered out") == 3
+    wrong = CliRunner().invoke(main, ["surface", "--file", strip.files[0], "--unit", "nm"])
+    assert wrong.exit_code != 0
+
+
+def test_other_files_are_left_to_surface_topography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its interface as of version 1.27: a reader in a context, heights (nx, ny), sizes in the unit."""
+
+    class Found:
+        unit, physical_sizes = "µm", (1100.0, 1000.0)
+
+        def heights(self) -> np.ndarray:
+            return np.ma.masked_greater(np.arange(110.0 * 100).reshape(110, 100) % 7, 5.5)
+
+        def topography(self) -> Found:
+            return self
+
+        def __enter__(self) -> Found:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+    path = tmp_path / "a.opd"
+    path.write_bytes(b"anything")
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
+    with pytest.raises(SurfaceError, match=r"a\.opd: files \.opd are read by SurfaceTopography, which is not there"):
+        scan_of(keys(path), 0)
+    there = ModuleType("SurfaceTopography")
+    there.open_topography = lambda name: Found()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", there)
+    raw = read_scan(path)
+    assert raw.unit == 1e-3
+    assert raw.spacing == pytest.approx((0.01, 0.01))
+    assert np.isnan(raw.heights).sum() == (np.arange(11000) % 7 == 6).sum()
+    there.open_topography = lambda name: 1 / 0  # type: ignore[attr-defined]
+    with pytest.raises(SurfaceError, match="does not read it"):
+        read_scan(path)
