@@ -89,6 +89,8 @@ PAIRS := 1000
 MODELS := surrogate/network/models
 DATA := build/networks
 UNSEEN := --packings 3 --first-surface 31000 --first-packing 2000 --micro-friction 0.03,0.05,0.07,0.09
+WIDE_PAIRS := 1200
+WIDE_UNSEEN := --packings 3 --first-surface 41000 --first-packing 2000 --micro-friction 0.02,0.06,0.12,0.3
 networks: setup-network ## make the shipped networks anew from friction tests of theirs (an hour); PRESETS=slow for some
 	@mkdir -p $(DATA)
 	surrogate() { (set -x; $(BIN)/macrofit-surrogate "$$@"); }
@@ -96,9 +98,12 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	    made=$(DATA)/$$preset
 	    surrogate generate --preset $$preset -o $$made.h5 --pairs $(PAIRS)
 	    surrogate generate --preset $$preset -o $$made-evaluation.h5 --pairs 101 $(UNSEEN)
-	    surrogate train $$made.h5 -o $$made-energy.safetensors
 	    case $$preset in
 	        slow)
+	            surrogate generate --design wide -o $(DATA)/wide.h5 --pairs $(WIDE_PAIRS)
+	            surrogate generate --design wide -o $(DATA)/wide-evaluation.h5 --pairs 54 $(WIDE_UNSEEN)
+	            surrogate train $(DATA)/wide.h5 $$made.h5 -o $$made-energy.safetensors --points 17 --epochs 3000
+	            surrogate table $(DATA)/wide-evaluation.h5 -o $(MODELS)/wide-evaluation.csv.gz
 	            surrogate train $$made.h5 -o $$made-envelope.safetensors --faces envelope
 	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper
 	            surrogate table $$made-evaluation.h5 -o $(MODELS)/evaluation.csv
@@ -106,6 +111,7 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	            cp $$made-envelope.safetensors $(MODELS)/envelope.safetensors
 	            cp $$made-cnn.safetensors $(MODELS)/paper.safetensors ;;
 	        *)
+	            surrogate train $$made.h5 -o $$made-energy.safetensors
 	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper --points 9 --seeds 5
 	            surrogate table $$made.h5 -o $(MODELS)/$$preset-train.csv.gz
 	            surrogate table $$made-evaluation.h5 -o $(MODELS)/$$preset-evaluation.csv.gz

@@ -64,6 +64,11 @@ device_option = click.option(
 )  # fmt: skip
 
 
+on_device_option = click.option(
+    "--device", default="cpu", show_default=True, metavar="cpu|cuda", help="Where torch computes.",
+)  # fmt: skip
+
+
 def network_file(network: str, shipped: Shipped) -> Path:
     """The file of a network that is named, or is a file."""
     return {"energy": shipped.energy, "cnn": shipped.cnn}.get(network, Path(network))
@@ -279,7 +284,10 @@ def train(databases: tuple[Path, ...], path: Path, quiet: bool, **options: Any) 
 @click.option(
     "-o", "--output", "folder", type=FILE, default="evaluation", show_default=True, help="For what it writes."
 )
-def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Path, ...], folder: Path) -> None:
+@on_device_option
+def evaluate(
+    database: Path | None, preset: str, network: str, beside: tuple[Path, ...], folder: Path, device: str
+) -> None:
     """Judge a network by friction tests of surfaces it has never seen.
 
     Writes evaluation.json and three figures. Without a database it takes the hundred configurations that come with the
@@ -293,7 +301,8 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
     shipped = SHIPPED[preset]
     if network == "energy" and not beside:
         beside = (shipped.cnn,)
-    result, written = evaluate_network(database or shipped.evaluation, network_file(network, shipped), beside, folder)
+    judged, by = network_file(network, shipped), database or shipped.evaluation
+    result, written = evaluate_network(by, judged, beside, folder, device)
     for line in evaluation_lines(result):
         click.echo(line)
     click.echo(f"Wrote           {', '.join(map(str, written))}")
@@ -318,6 +327,9 @@ def evaluate(database: Path | None, preset: str, network: str, beside: tuple[Pat
     "--micro-friction", callback=numbers(float), default="0.03,0.05,0.07,0.09", show_default=True,
     metavar="MU[,MU...]", help="Coefficients of sphere on sphere.",
 )  # fmt: skip
+@click.option("--pressure", type=click.FloatRange(min=0.0, min_open=True), help="Before the slide, on steel [MPa].")
+@click.option("--control", type=click.Choice(["displacement", "force"]), help="What is held while sliding.")
+@on_device_option
 @click.option("-o", "--output", "target", type=FILE, metavar="FILE.png|FILE.csv", help="Figure, or a table.")
 def predict(
     preset: str,
@@ -328,6 +340,7 @@ def predict(
     levels: int | None,
     hurst_exponent: float | None,
     form: str | None,
+    device: str,
     **options: Any,
 ) -> None:
     """Predict the meso coefficient of a pair of rough faces, from their seeds or from files.
@@ -352,7 +365,7 @@ def predict(
     given = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent, "form": form}
     tables = on_preset(preset, {"surface": {key: value for key, value in given.items() if value is not None}})
     surface = asdict(decode({"surface": tables["surface"]}).surface)
-    predictor = Predictor(network_file(network, SHIPPED[preset]))
+    predictor = Predictor(network_file(network, SHIPPED[preset]), device)
     pair = predict_pair(predictor, micro_friction, **{key: surface[key] for key in given}, **options)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
@@ -13,7 +14,7 @@ from meso.settings import FaceKeys
 
 from .data.faces import generated_face, measured_face, rms_height
 from .errors import PredictionError
-from .network.checkpoint import Provenance, outside_training
+from .network.checkpoint import Control, Provenance, outside_training
 from .network.inference import QUANTILE_90
 from .network.predict import Predictor
 
@@ -71,6 +72,8 @@ def predict_pair(
     levels: int,
     hurst_exponent: float,
     form: Form = "strip",
+    pressure: float | None = None,
+    control: Control | None = None,
 ) -> PairPrediction:
     """Make or read two faces, and predict the coefficients of their friction.
 
@@ -85,6 +88,8 @@ def predict_pair(
         levels: subdivisions of generated faces.
         hurst_exponent: H of generated faces [-].
         form: of generated faces; of strips a seed is 65536 times its number plus the place on it.
+        pressure: before the slide, on steel [MPa]; None: that of the network's plates.
+        control: what is held while sliding; None: the height where the network knows that.
 
     Raises:
         PredictionError: a file or a key that gives no face; a network of envelopes.
@@ -97,15 +102,14 @@ def predict_pair(
     keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
     sources: tuple[_Source, ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
     faces, findings, doubts, done = _faces(about, keys, sources)
-    if wheel is None or axle is None:
-        findings += other_faces(about, keys)
-    highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
-    if (wheel is not None or axle is not None) and highest > 1.5e3 * about.max_height[1]:
-        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+    findings += _unseen_keys(about, faces, [wheel is not None, axle is not None], keys)
     micro = np.array(micro_friction)
     findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
+    held, unlike = _asked_slide(about, pressure, control)
     none = np.zeros(len(micro), dtype=np.int64)
-    answer = predictor(faces[0][None], faces[1][None], none, none, micro)
+    answer = predictor(faces[0][None], faces[1][None], none, none, micro, pressure, held)
+    findings += unlike
+    findings += [] if answer.seen.all() else ["the two faces together are unlike all pairs learned from"]
     return PairPrediction(
         wheel=faces[0],
         axle=faces[1],
@@ -117,6 +121,26 @@ def predict_pair(
         doubts=doubts,
         done=done,
     )
+
+
+def _unseen_keys(about: Provenance, faces: list[HeightArray], given: list[bool], keys: FaceKeys) -> list[str]:
+    """How faces lie outside those the network has seen, by their keys and their highest point, in words."""
+    findings = [] if all(given) else other_faces(about, keys)
+    highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
+    if any(given) and highest > 1.5e3 * about.max_height[1]:
+        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+    return findings
+
+
+def _asked_slide(
+    about: Provenance, pressure: float | None, control: Control | None
+) -> tuple[Control | None, list[str]]:
+    """What is held while sliding, and how the load lies outside what the network has seen, in words."""
+    if not about.wide:
+        return control, []
+    held: Control = control or ("displacement" if "displacement" in about.pressures else "force")
+    asked = about.plates.pressure if pressure is None else pressure
+    return held, about.unlike(msgspec.structs.replace(about.plates, pressure=asked, control=held))
 
 
 def _faces(

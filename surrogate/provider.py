@@ -110,7 +110,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     learned from many pressures, else that of its plates."""
     control: Literal["displacement", "force"] | None = None
     """What a pair holds while it slides: the height of the plates, or their force, at which contact is never lost.
-    None: what the plates that are asked for hold."""
+    None: the force with the pair's own pressure, else what the plates that are asked for hold."""
 
     def __post_init__(self) -> None:
         if isinstance(self.pressure, float) and not 0.0 < self.pressure <= 5000.0:
@@ -250,19 +250,25 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         unseen += other_faces(network.provenance, surface)
         about = network.provenance
         asked = self._in_solid(self._asked_or_learned(about.plates, context.tile_size), context)
+        if about.wide and self._own_pressure and self.control is None:
+            asked = msgspec.structs.replace(asked, control="force")
         unseen += about.unlike(asked)
         counts = context.seat_tiles, context.bore_tiles
-        if not about.wide:
+        if not about.wide or about.architecture == "paper":  # that one sees the faces alone
             if self.pressure == "own":
                 unseen.append(f"pressure = 'own' asks for others than {about.plates.pressure:g} MPa")
             tiles = shared_tiles(network, self.seed, surface, counts)
             return tiles, unseen + self._measured(tiles, context)
-        assert about.pressure is not None
+        held = next((known for known in about.pressures if known == asked.control), next(iter(about.pressures)))
         one = about.at_modulus(asked.pressure, asked.youngs_modulus)
-        low, high = about.pressure if self.pressure in (None, "own") else (one, one)
-        held = asked.control if asked.control in about.controls else about.plates.control
+        low, high = about.pressures[held] if self._own_pressure else (one, one)
         tiles = shared_tiles(network, self.seed, surface, counts, PressureLevels(low, high), held)
         return tiles, unseen + self._measured(tiles, context)
+
+    @property
+    def _own_pressure(self) -> bool:
+        """Whether a network of many pressures is asked about the pair's own."""
+        return self.pressure in (None, "own")
 
     def _asked_or_learned(self, learned: Plates, tile_size: float) -> Plates:
         """The plates that are asked for; those of a model that is given, where none are."""
@@ -333,14 +339,10 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class _Answer(NamedTuple):
-    """Coefficients of m distinct pairs, sorted by seat tile, bore tile and level: five arrays of shape (m,)."""
+    """Coefficients of m distinct pairs: arrays of shape (m,)."""
 
-    seat: IntArray
-    """Number of the seat tile."""
-    bore: IntArray
-    """Number of the bore tile."""
-    level: IntArray
-    """Level of the pressure."""
+    pairs: tuple[IntArray, IntArray, IntArray]
+    """Seat tile, bore tile and level of the pressure of each, sorted."""
     mean: FloatArray
     """mu [-], 0 <= mu < 2."""
     spread: FloatArray
@@ -371,6 +373,8 @@ class TileNetwork:
     """Pairs predicted for inputs the network has not seen, by keys or by what it sees of the faces."""
     losing_contact: int
     """Pairs that are predicted to lose contact somewhere along the slide."""
+    asked_anew: int
+    """Pairs whose pressure has left the level at which they were asked before."""
 
     def __init__(
         self,
@@ -386,7 +390,8 @@ class TileNetwork:
         self.depends_on = frozenset({"tiles", "pressure"} if several else {"tiles"})
         about = tiles.predictor.provenance
         self._on_steel = 1.0 if youngs_modulus is None else about.at_modulus(1.0, youngs_modulus)
-        self.clipped = self.out_of_range = self.losing_contact = 0
+        self.clipped = self.out_of_range = self.losing_contact = self.asked_anew = 0
+        self._level = np.full(tiles.counts, -1, dtype=np.int16) if several else None  # of each pair, when last asked
         self._fallback = fallback
         self._last: _Answer | None = None
 
@@ -394,7 +399,7 @@ class TileNetwork:
     def counters(self) -> dict[str, int]:
         """Counts for the report of a run."""
         counts = {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
-        return counts | ({"asked_anew": self.tiles.asked_anew} if "pressure" in self.depends_on else {})
+        return counts | ({"asked_anew": self.asked_anew} if self._level is not None else {})
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -436,23 +441,27 @@ class TileNetwork:
         shape = tuple(max(1, len(values)) for values, _ in columns)
         distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
         places = np.unravel_index(distinct, shape)
-        asked = [values[at] for (values, _), at in zip(columns, places, strict=True)]
+        seat, bore, level = (values[at] for (values, _), at in zip(columns, places, strict=True))
         last = self._last
-        if last is None or not all(np.array_equal(old, new) for old, new in zip(last[:3], asked, strict=True)):
-            self._last = last = self._predicted(*asked)
+        if last is None or not all(map(np.array_equal, last.pairs, (seat, bore, level))):
+            self._last = last = self._predicted(seat, bore, level)
         return last, which
 
     def _predicted(self, seat: IntArray, bore: IntArray, level: IntArray) -> _Answer:
         """The answers to distinct pairs."""
         if not seat.size:
-            return _Answer(seat, bore, level, np.empty(0), np.empty(0))
+            return _Answer((seat, bore, level), np.empty(0), np.empty(0))
         try:
             prediction = self.tiles.predict(seat, bore, self.options.micro_friction, level)
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
-        answer = _Answer(seat, bore, level, np.array(prediction.mean), np.array(prediction.spread))
+        answer = _Answer((seat, bore, level), np.array(prediction.mean), np.array(prediction.spread))
         self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
         self._bound(answer)
+        if self._level is not None:
+            before = self._level[seat, bore]
+            self.asked_anew += int(((before >= 0) & (before != level)).sum())
+            self._level[seat, bore] = level
         self.losing_contact += int((~prediction.in_contact).sum())
         self.out_of_range += int((~prediction.seen).sum()) if self.trusted else seat.size
         return answer
@@ -461,14 +470,15 @@ class TileNetwork:
         """Have the pairs numbered `doubted` answered by the other provider, if there is one."""
         if doubted.size and self._fallback is not None:
             unused = np.zeros(doubted.size)
-            pairs = TilePairs(answer.seat[doubted], answer.bore[doubted], unused, unused)
+            seat, bore, _ = answer.pairs
+            pairs = TilePairs(seat[doubted], bore[doubted], unused, unused)
             answer.mean[doubted], answer.spread[doubted] = answered(self._fallback(), pairs, "dem")
 
     def _bound(self, answer: _Answer) -> None:
         """Bring the coefficients within the contract."""
         wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST_FRICTION))
         if wrong.size and not self.clipped:
-            seat, bore, _, mean, spread = (column[wrong[0]] for column in answer)
+            seat, bore, mean, spread = (column[wrong[0]] for column in (*answer.pairs[:2], answer.mean, answer.spread))
             warnings.warn(
                 f"friction provider 'surrogate': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
                 f"{mean:.4f} +- {spread:.4f} and is taken as {min(2, max(0, round(mean)))}, and so will others be",

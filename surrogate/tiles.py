@@ -51,8 +51,6 @@ class Tiles:
     """Faces made so far."""
     prepared: int
     """Pairs whose foundations were computed so far, those ahead included; again for each level of pressure."""
-    asked_anew: int
-    """Of those, the ones that were known at another level of pressure."""
 
     def __init__(
         self,
@@ -66,7 +64,7 @@ class Tiles:
         self.predictor, self.seed, self.surface = predictor, seed, surface
         self.pressures, self.control = pressures, control
         self.counts = min(counts[0], TILES), min(counts[1], TILES)
-        self.faces = self.prepared = self.asked_anew = 0
+        self.faces = self.prepared = 0
         n = predictor.provenance.points - 1
         self._sides: dict[Body, _Side] = {
             "axle": _Side(self.counts[0], (2 * n + 1, n + 1)),
@@ -162,7 +160,6 @@ class Tiles:
         old, new = self.prepared, self.prepared + len(seat)
         laws = model.affine_laws(slopes, features)
         self._laws, self._flags = _with_room(self._laws, laws, old), _with_room(self._flags, model.flags(features), old)
-        self.asked_anew += int((self._row[seat, bore] >= 0).any(axis=1).sum())
         self._row[seat, bore, level] = np.arange(old, new)
         self.prepared = new
 

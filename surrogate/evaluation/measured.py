@@ -19,7 +19,7 @@ from ..network.checkpoint import Provenance
 from ..network.dataset import STEEL
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeasuredPairs:
     """Friction tests of n pairs of surfaces, p packings each, with k micro coefficients."""
 

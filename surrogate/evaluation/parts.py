@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -47,15 +48,19 @@ def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The report for a reader."""
     if not parts:
         return []
-    head = ("pairs", "error", "std.err.", "floor", "90 %", "R2 of b")
+    head = ("pairs", "error", "std.err.", "floor", "over mean", "90 %", "R2 of b")
     lines = ["", f"{'part [%]':24}" + "".join(f"{name:>10}" for name in head)]
     for name, row in parts.items():
-        shares = [row["error"], row["standard_error"], row["floor"], row["coverage_90"]]
+        shares = [row["error"], row["standard_error"], row["floor"], row["error_over_mean"], row["coverage_90"]]
         r2 = "-" if row["r2_b"] is None else f"{row['r2_b']:.3f}"
         lines.append(
             f"  {name:22}{row['pairs']:10d}" + "".join(f"{100 * share:10.2f}" for share in shares) + f"{r2:>10}"
         )
-    return [*lines, f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named"]
+    return [
+        *lines,
+        f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named; over mean: "
+        "of all pairs over the mean coefficient of all, for single rough pairs have coefficients near zero",
+    ]
 
 
 def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tuple[str, BoolArray]]:
@@ -72,7 +77,7 @@ def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tupl
 
 def _between(values: Any, edges: Sequence[float]) -> Iterator[tuple[str, BoolArray]]:
     """Parts between edges, which the values' own range cuts off."""
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         rows = (values >= low) & (values < high)
         if rows.any():
             yield f"{max(low, values.min()):.3g}-{min(high, values.max()):.3g}", rows
@@ -90,12 +95,13 @@ def _taken(
 
 def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
     """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b."""
-    of_mean = relative_errors(data, predicted)[1].mean(1)
+    of_mean, mean = relative_errors(data, predicted)[1].mean(1), data.meso.mean(1)
     return {
         "pairs": len(data.meso),
         "error": float(of_mean.mean()),
         "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
         "floor": float(data.noise_floor.mean() / np.sqrt(data.packings)),
+        "error_over_mean": float(np.abs(predicted.mean.mean(1) - mean).sum() / np.abs(mean).sum()),
         "coverage_90": float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan"),
         "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,
     }

@@ -39,8 +39,9 @@ def predict_tests(model: Model, provenance: Provenance, data: MeasuredPairs, nam
         TrainingError: the samples lack the faces it needs.
     """
     tensors = _faces(data, provenance.faces, provenance.points)
-    answer = predict_pairs(model, tensors)
-    mean, spread = (data.spread_out(part.double().numpy()) for part in answer)
+    device = next(model.parameters()).device
+    answer = predict_pairs(model, tensors.to(device))
+    mean, spread = (data.spread_out(part.double().cpu().numpy()) for part in answer)
     return PredictedPairs(name or provenance.architecture, mean, spread)
 
 

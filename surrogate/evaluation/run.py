@@ -13,6 +13,7 @@ from macrofit.base.files import write_json
 
 from ..data.table import open_samples
 from ..network.checkpoint import load_checkpoint
+from ..network.devices import chosen_device
 from . import plots
 from .errors import coefficient_r2, coverage, relative_errors, slope_r2
 from .measured import MeasuredPairs, arrange_tests, require_same_plates, require_unseen
@@ -21,7 +22,7 @@ from .predicted import PredictedPairs, constant_ratio, foundation_alone, mean_li
 
 
 def evaluate_network(
-    database: Path, network: Path, compared: Sequence[Path], folder: Path
+    database: Path, network: Path, compared: Sequence[Path], folder: Path, device: str = "cpu"
 ) -> tuple[dict[str, Any], list[Path]]:
     """Judge a network by a database or table, with others beside it; writes evaluation.json and three figures.
 
@@ -30,6 +31,7 @@ def evaluate_network(
         network: the checkpoint that is judged.
         compared: further checkpoints.
         folder: where the files are written.
+        device: device of torch.
 
     Returns:
         The content of evaluation.json, and the files written.
@@ -41,7 +43,10 @@ def evaluate_network(
         OutputError: the folder cannot be written.
     """
     found = open_samples(database)
+    device = chosen_device(device)
     judged = [load_checkpoint(path) for path in (network, *compared)]
+    for model, _ in judged:
+        model.to(device)
     plates = found.header.plates
     for _, origin in judged:
         require_unseen(found.samples, origin)
@@ -55,7 +60,7 @@ def evaluate_network(
     others += [predict_tests(another, origin, data) for another, origin in more]
     others = [dataclasses.replace(one, name=name) for one, name in zip(others, _distinct(others), strict=True)]
     about = {"network": network.name, "architecture": predicted.name, "faces": provenance.faces}
-    about |= {"database": database.name, "content_hash": found.content_hash}
+    about |= {"database": database.name, "content_hash": found.content_hash, "device": device}
     result = evaluation_report(data, predicted, others, about)
     target = folder / "evaluation.json"
     write_json(target, result)

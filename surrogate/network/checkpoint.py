@@ -111,10 +111,9 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """Smallest and largest Hurst exponent [-]."""
     micro_friction: tuple[float, float]
     """Smallest and largest micro coefficient [-]."""
-    pressure: tuple[float, float] | None = None
-    """Smallest and largest pressure at the modulus of the plates [MPa]; None: theirs alone."""
-    controls: tuple[Control, ...] = ()
-    """What was held while sliding; none: that of the plates."""
+    pressures: dict[Control, tuple[float, float]] = {}
+    """Smallest and largest pressure at the modulus of the plates [MPa], by what was held while sliding; none: the
+    pressure of the plates alone, and what they hold."""
     forms: tuple[str, ...] = ()
     """Forms of the faces; none: that of the plates."""
     lays: tuple[str, ...] = ()
@@ -134,7 +133,7 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     @property
     def wide(self) -> bool:
         """Whether pressure and modulus, as p/E, are inputs."""
-        return self.pressure is not None
+        return bool(self.pressures)
 
     def at_modulus(self, pressure: float, youngs_modulus: float) -> float:
         """The pressure on plates of the network's modulus for which p/E is the same [MPa]."""
@@ -142,18 +141,20 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     def unlike(self, asked: Plates) -> list[str]:
         """In which keys plates are others than the network knows, in words; see `Plates.unlike`."""
-        known = self.plates
-        if self.pressure is None:
+        known, findings = self.plates, []
+        if not self.wide:
             return known.unlike(asked)
-        findings, (low, high) = [], self.pressure
+        ranges = {str(control): known for control, known in self.pressures.items()}
+        if asked.control not in ranges:
+            findings.append(f"load.control = '{asked.control}' is not '{' or '.join(ranges)}'")
+        low, high = ranges.get(asked.control, (0.0, math.inf))
         pressure = self.at_modulus(asked.pressure, asked.youngs_modulus)
         if not low * (1.0 - PRESSURE_SLACK) <= pressure <= high * (1.0 + PRESSURE_SLACK):
-            at = (
-                f" at youngs_modulus = {asked.youngs_modulus:g}" if asked.youngs_modulus != known.youngs_modulus else ""
+            on_steel = "" if asked.youngs_modulus == known.youngs_modulus else f" ({pressure:.3g} on steel)"
+            findings.append(
+                f"load.pressure = {asked.pressure:g}{on_steel} with load.control = '{asked.control}' is outside "
+                f"{low:.3g} ... {high:.3g} MPa"
             )
-            findings.append(f"load.pressure = {asked.pressure:g}{at} is outside {low:.3g} ... {high:.3g} MPa on steel")
-        if asked.control not in self.controls:
-            findings.append(f"load.control = '{asked.control}' is not '{' or '.join(self.controls)}'")
         same = {"pressure": known.pressure, "youngs_modulus": known.youngs_modulus, "control": known.control}
         return findings + known.unlike(msgspec.structs.replace(asked, **same))
 

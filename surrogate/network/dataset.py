@@ -50,6 +50,10 @@ class Pairs:
         index = torch.from_numpy(rows)
         return Pairs(**{part.name: getattr(self, part.name)[index] for part in fields(Pairs)})
 
+    def to(self, device: torch.device | str) -> Pairs:
+        """The pairs on a device."""
+        return Pairs(**{part.name: getattr(self, part.name).to(device) for part in fields(Pairs)})
+
     def line(self) -> tuple[Tensor, Tensor]:
         """a and b of mu_meso = a mu_micro + b through the first and the last micro coefficient, (pairs,) each."""
         a = (self.meso[:, -1] - self.meso[:, 0]) / (self.micro[:, -1] - self.micro[:, 0])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import torch
-
-from ..errors import TrainingError
+from ..errors import SurrogateError
 
 
 def chosen_device(asked: str | None) -> str:
@@ -14,18 +12,20 @@ def chosen_device(asked: str | None) -> str:
         asked: "cpu", "cuda", "cuda:1" and so on; None: what there is.
 
     Raises:
-        TrainingError: there is no such device here.
+        SurrogateError: there is no such device here.
     """
+    import torch
+
     if asked is None:
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
         device = torch.device(asked)
     except RuntimeError:
-        raise TrainingError(f"--device {asked}: is no device of torch; take cpu or cuda") from None
+        raise SurrogateError(f"--device {asked}: is no device of torch; take cpu or cuda") from None
     if device.type == "cpu":
         return asked
     count = torch.cuda.device_count() if device.type == "cuda" and torch.cuda.is_available() else 0
     if (device.index or 0) >= count:
         there = f"there are {count} GPUs" if count else "there is no GPU that torch can use"
-        raise TrainingError(f"--device {asked}: {there}; take cpu, or leave it out")
+        raise SurrogateError(f"--device {asked}: {there}; take cpu, or leave it out")
     return asked

@@ -60,7 +60,8 @@ class Foundation(nn.Module):
     ) -> SlideResponse:
         """Slide every wheel over its axle, at the height that carries the load at the start or at that load.
 
-        A row of the answer has the same bits whatever the other rows are, for a given number of rows.
+        A row of the answer has the same bits whatever the other rows are, for a given number of rows. At constant
+        force the means along the slide are those of its ends: each place costs a search for the height.
 
         Args:
             wheel: heights outward from its plate (pairs, n + 1, n + 1) [mm].
@@ -74,8 +75,18 @@ class Foundation(nn.Module):
         nodes = face.shape[1]  # G
         sums = [face + track[:, at : at + nodes] for at in range(0, rows * row + 1, stride * row)]  # S of (P, G)
         loads = face.new_full((len(face),), self.load) if load is None else load  # (P,)
-        free = constant_force is not None and bool(constant_force.any())
-        solved = sums if free else sums[:1]
+        none = constant_force is None or not bool(constant_force.any())
+        if none or constant_force is None:
+            return self._slid(sums, loads, free=False)
+        free = self._slid([sums[0], sums[-1]], loads, free=True)
+        if bool(constant_force.all()):
+            return free
+        held = self._slid(sums, loads, free=False)
+        return SlideResponse(*(torch.where(constant_force[:, None], *each) for each in zip(free, held, strict=True)))
+
+    def _slid(self, sums: list[Tensor], loads: Tensor, *, free: bool) -> SlideResponse:
+        """Slide at constant force over the first place and the last, or at constant height over all of them."""
+        nodes, solved = sums[0].shape[1], sums if free else sums[:1]
         # flat faces would be pressed to their mean less the overlap: others not so deep
         deepest = (loads / (self.stiffness[0] * self.edge**2))[:, None]
         heights = [at.sum(1, keepdim=True) / nodes - deepest for at in solved]  # (P, 1) each
@@ -83,10 +94,7 @@ class Foundation(nn.Module):
         for stiffness in self.stiffness:
             overlap = (loads / (stiffness * self.edge**2))[:, None]
             heights = [contact_height(at, overlap, z) for at, z in zip(solved, heights, strict=True)]
-            places = heights * (1 if free else len(sums))
-            if free and constant_force is not None:
-                places = [torch.where(constant_force[:, None], z, heights[0]) for z in heights]
-            found.append(self._response(sums, places, stiffness, loads))
+            found.append(self._response(sums, heights if free else heights * len(sums), stiffness, loads))
         return SlideResponse(*(torch.stack(column, dim=1) for column in zip(*found, strict=True)))
 
     def _response(

@@ -29,6 +29,8 @@ LEAST_SPREAD = 1e-5
 """Lower bound of a standard deviation [-]."""
 FLOOR_UNIT = 1e-3
 """What the floor of the spread of b, and the spread of a, are counted in [-]."""
+CONSTANT_FORCE = 3
+"""Place of what is held while sliding among the features of a wide ensemble."""
 BEYOND = 0.1
 """How far a feature may lie outside those learned from, over their range [-]."""
 CONSTANT_UNIT = 0.01
@@ -165,8 +167,9 @@ class TrainedEnsemble:
         return a_mean * micro + b_mean, self.arrays["widening"] * np.sqrt(variance)
 
     def keeps_contact(self, features: Single) -> BoolArray:
-        """Whether the plates keep in contact all along the slide, (pairs,)."""
-        return np.asarray(features[:, -1] > self.arrays["lost"])
+        """Whether the plates keep in contact all along the slide, (pairs,); at constant force they do."""
+        kept = np.asarray(features[:, -1] > self.arrays["lost"])
+        return kept | (features[:, CONSTANT_FORCE] > 0.5) if self.options.wide else kept
 
     def flags(self, features: Single) -> BoolArray:
         """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
@@ -235,17 +238,30 @@ def slide_foundations(
     face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
     nodes = face.shape[1]
     *sums, work = room[:, :pairs]
-    for k, at in enumerate(sums):
+    places = (0, options.positions - 1) if free.all() else range(options.positions)
+    for at, k in zip(sums, places, strict=False):
         np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
-    solved = sums if free.any() else sums[:1]
+    if free.all():
+        return _slid(options, sums[:2], loads, work, free=True)
+    held = _slid(options, sums, loads, work, free=False)
+    if not free.any():
+        return held
+    both = zip(_slid(options, [sums[0], sums[-1]], loads, work, free=True), held, strict=True)
+    return SlideNumbers(*(np.where(free[:, None], *each) for each in both))
+
+
+def _slid(
+    options: EnsembleOptions, sums: Sequence[HeightArray], loads: FloatArray, work: Single, *, free: bool
+) -> SlideNumbers:
+    """Slide at constant force over the first place and the last, or at constant height over all of them."""
+    solved, nodes = sums if free else sums[:1], sums[0].shape[1]
     # flat faces would be pressed to their mean less the overlap: others not so deep
     heights = [_row_sums(at) / nodes - loads / options.stiffness[0] for at in solved]  # (P,) each
     found = []
     for stiffness in options.stiffness:
         overlap = loads / stiffness
         heights = [contact_height(at, overlap, z, work) for at, z in zip(solved, heights, strict=True)]
-        places = [np.where(free, z, heights[0]) for z in heights] * (len(sums) // len(solved))
-        found.append(_response(sums, places, stiffness, loads, work))
+        found.append(_response(sums, heights if free else heights * len(sums), stiffness, loads, work))
     return SlideNumbers(*(np.stack(column, axis=1).astype(np.float32) for column in zip(*found, strict=True)))
 
 

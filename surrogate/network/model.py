@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from .foundation import Foundation
 from .inference import (
     BEYOND,
+    CONSTANT_FORCE,
     CONSTANT_UNIT,
     FLOOR_UNIT,
     LAWS_PER_CHUNK,
@@ -203,8 +204,9 @@ class FoundationEnsemble(nn.Module):
         return torch.cat(means), torch.cat(spreads)
 
     def keeps_contact(self, features: Tensor) -> Tensor:
-        """Whether the plates keep in contact all along the slide, (pairs,); at constant force the least load is 1."""
-        return features[:, -1] > self.lost
+        """Whether the plates keep in contact all along the slide, (pairs,); at constant force they do."""
+        kept = features[:, -1] > self.lost
+        return kept | (features[:, CONSTANT_FORCE] > 0.5) if self.wide else kept
 
     def flags(self, features: Tensor) -> Tensor:
         """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
@@ -213,7 +215,7 @@ class FoundationEnsemble(nn.Module):
     def has_seen(self, features: Tensor) -> Tensor:
         """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""
         if not self.wide:
-            return torch.ones(len(features), dtype=torch.bool)
+            return torch.ones_like(features[:, 0], dtype=torch.bool)
         slack = BEYOND * (self.highest - self.lowest)
         return ((features >= self.lowest - slack) & (features <= self.highest + slack)).all(1)
 

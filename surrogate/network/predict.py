@@ -45,16 +45,27 @@ class Predictor:
 
     Args:
         path: a checkpoint; the shipped network where it is left out.
+        device: device of torch, for the paper's network; others than the processor differ by rounding. An ensemble on
+            foundations takes milliseconds and answers on the processor.
 
     Raises:
         CheckpointError: it cannot be read, or is not what it says.
+        SurrogateError: there is no such device.
     """
 
     model: TrainedEnsemble | LallemanCNN | LallemanEnsemble
     provenance: Provenance
+    device: str
 
-    def __init__(self, path: Path | None = None) -> None:
+    def __init__(self, path: Path | None = None, device: str = "cpu") -> None:
+        self.device = device
+        if device != "cpu":
+            from .devices import chosen_device
+
+            self.device = chosen_device(device)
         self.model, self.provenance = load_for_answers(NETWORK if path is None else path)
+        if not isinstance(self.model, TrainedEnsemble):
+            self.model.to(self.device)
 
     def __call__(
         self,
@@ -153,7 +164,7 @@ class Predictor:
 
         assert not isinstance(self.model, TrainedEnsemble)
         with torch.inference_mode():
-            return np.asarray(self.model.face_part(body, torch.from_numpy(face)).numpy())
+            return np.asarray(self.model.face_part(body, torch.from_numpy(face).to(self.device)).cpu().numpy())
 
     def join(self, wheel: Single, axle: Single, micro: float | FloatArray) -> Prediction:
         """The coefficients of pairs whose parts are known; the same bits as from their faces.
@@ -171,7 +182,10 @@ class Predictor:
         assert not isinstance(self.model, TrainedEnsemble)
         micros = torch.from_numpy(self._micros(micro, len(wheel))[:, None]).float()
         with torch.inference_mode():
-            mean, spread = self.model.join_parts(torch.from_numpy(wheel), torch.from_numpy(axle), micros)
+            first, second, asked = (
+                part.to(self.device) for part in (torch.from_numpy(wheel), torch.from_numpy(axle), micros)
+            )
+            mean, spread = (part.cpu() for part in self.model.join_parts(first, second, asked))
         known = np.ones(len(wheel), dtype=np.bool_)
         return Prediction(mean[:, 0].double().numpy(), spread[:, 0].double().numpy(), known, known)
 

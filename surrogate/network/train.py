@@ -11,7 +11,7 @@ uses pairs that had no part in either.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 from ..data.plates import Faces, Plates
 from ..data.samples import Samples, content_hash, joined_samples, select_samples
 from ..errors import TrainingError
-from .checkpoint import Architecture, CNNOptions, EnsembleOptions, Model, Provenance
+from .checkpoint import Architecture, CNNOptions, Control, EnsembleOptions, Model, Provenance
 from .dataset import STEEL, Pairs, joined, pair_tensors, split_by_family
 from .descent import Curves, Descent, Watch, descend
 from .devices import chosen_device
@@ -76,9 +76,7 @@ def train_network(
     resume: Path | None = None,
     watch: Watch | None = None,
 ) -> Trained:
-    """Train a network on 70 % of the samples, by families of surfaces.
-
-    The same seed gives the same bits on one machine with as many threads. Torch's global generator is left as it was.
+    """Train a network on 70 % of the samples, by families of surfaces; the same seed gives the same bits.
 
     Args:
         samples: friction tests of a database.
@@ -89,44 +87,37 @@ def train_network(
         beside: samples of more databases with their plates, of other pressures or held otherwise while sliding.
         members: networks in the ensemble, of `energy`.
         width: hidden units of its perceptrons.
-        constant: `energy` has a constant in b; by default for plates with a speed, whose damping takes energy.
+        constant: `energy` has a constant in b; by default for plates with a speed.
         seeds: networks of `paper`, one after the other from `seed`, `seed` + 1 and so on; several make an ensemble.
         points: points of a wheel's face along its edge, a part of those of the samples; see `pair_tensors`.
         epochs: upper bound.
-        device: device of torch, see `devices.chosen`; a GPU where there is one and it is left out.
+        device: device of torch; a GPU where there is one and it is left out.
         resume: file for the state of the training, from which the same one goes on to the same bits.
         watch: told epoch, training and validation loss as they come.
 
     Raises:
-        TrainingError: too few samples, values that are not finite, plates not of 1 mm, unsuitable `points`, databases
-            that do not go together, no such device.
+        SurrogateError: nothing can be learned from the samples, or there is no such device.
     """
     sources = _sources(((samples, plates), *beside))
     samples = joined_samples([some for some, _ in sources])
-    wide = bool(beside) or bool(np.ptp(samples.pressure))
     fit, validation = _split_pairs(samples, sources, faces, points, seed)
-    epochs = EPOCHS[architecture] if epochs is None else epochs
-    device = chosen_device(device)
+    epochs, device = EPOCHS[architecture] if epochs is None else epochs, chosen_device(device)
     options: EnsembleOptions | CNNOptions = CNNOptions(fit.wheel.shape[1], members=seeds)
     if architecture == "energy":
-        options = _ensemble_options(fit, faces, plates, members=members, width=width, constant=constant, wide=wide)
+        options = _ensemble_options(fit, faces, sources, members=members, width=width, constant=constant)
     provenance = _provenance(samples, options, faces, plates, seed, (fit, validation))
-    if wide:
-        provenance = _widened(provenance, samples, {each.control for _, each in sources})
-    provenance = msgspec.structs.replace(provenance, device=device)
-    key = f"{options} {faces} {points} {seed} {provenance.database} {device} {torch.__version__}"
-    count = options.members if isinstance(options, CNNOptions) else 1
-    states = [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
-    there = _on(device, fit), _on(device, validation)
+    provenance = _widened(msgspec.structs.replace(provenance, device=device), samples, sources)
+    states = _states(resume, f"{faces} {points} {provenance.database} {device} {torch.__version__}", options, seed)
+    there = fit.to(device), validation.to(device)
     with torch.random.fork_rng(devices=[device] if device.startswith("cuda") else []):
         trained = [_descended(options, there, seed + k, epochs, state, watch) for k, state in enumerate(states)]
-    model = _gathered(options, [member for member, _ in trained]).requires_grad_(False).eval().to("cpu")
+    model = _gathered(options, [member for member, _ in trained])
     scores = _judge(model, validation)
     for state in states:
         state.remove()
-    about = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
+    provenance = msgspec.structs.replace(provenance, validation_error=scores.error, validation_r2=scores.r2)
     curves, *others = (loss for _, loss in trained)
-    return Trained(model=model, provenance=about, curves=curves, scores=scores, others=tuple(others))
+    return Trained(model=model, provenance=provenance, curves=curves, scores=scores, others=tuple(others))
 
 
 def _descended(
@@ -148,12 +139,12 @@ def _descended(
 def _gathered(options: EnsembleOptions | CNNOptions, models: Sequence[Model]) -> Model:
     """The network of the options, of the members that were trained."""
     if len(models) == 1:
-        return models[0]
+        return models[0].requires_grad_(False).eval().to("cpu")
     whole = options.build_network()
     assert isinstance(whole, LallemanEnsemble)
     for member, trained in zip(whole.members, models, strict=True):
         member.load_state_dict(trained.state_dict())
-    return whole
+    return whole.requires_grad_(False).eval()
 
 
 def _judge(model: Model, validation: Pairs) -> Scores:
@@ -162,6 +153,13 @@ def _judge(model: Model, validation: Pairs) -> Scores:
         measure_residual(model, validation)
     calibrate_spread(model, validation)
     return score_network(model, validation)
+
+
+def _states(resume: Path | None, key: str, options: EnsembleOptions | CNNOptions, seed: int) -> list[TrainingState]:
+    """The state of the training of each member."""
+    count = options.members if isinstance(options, CNNOptions) else 1
+    key = f"{options} {seed} {key}"
+    return [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
 
 
 def _state_file(resume: Path | None, number: int) -> Path | None:
@@ -195,6 +193,11 @@ def _sources(databases: Sequence[tuple[Samples, Plates]]) -> list[tuple[Samples,
     return [(select_samples(samples, np.flatnonzero(samples.remark == b"")), plates) for samples, plates in databases]
 
 
+def _is_wide(sources: Sequence[tuple[Samples, Plates]]) -> bool:
+    """Whether pairs differ in pressure, or in what was held while sliding."""
+    return len(sources) > 1 or len(np.unique(sources[0][0].pressure)) > 1
+
+
 def _split_pairs(
     samples: Samples, sources: Sequence[tuple[Samples, Plates]], faces: Faces, points: int | None, seed: int
 ) -> tuple[Pairs, Pairs]:
@@ -221,9 +224,16 @@ def _check_pairs(data: Pairs) -> None:
 
 
 def _ensemble_options(
-    fit: Pairs, faces: Faces, plates: Plates, *, members: int, width: int, constant: bool | None, wide: bool
+    fit: Pairs,
+    faces: Faces,
+    sources: Sequence[tuple[Samples, Plates]],
+    *,
+    members: int,
+    width: int,
+    constant: bool | None,
 ) -> EnsembleOptions:
     """Options of the ensemble on foundations; an error where the points of a face do not divide a slide equally."""
+    plates, wide = sources[0][1], _is_wide(sources)
     constant = plates.dynamic if constant is None else constant
     options = EnsembleOptions(
         stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant, wide=wide
@@ -269,8 +279,13 @@ def _provenance(
     )
 
 
-def _widened(provenance: Provenance, samples: Samples, controls: set[str]) -> Provenance:
-    """The provenance with all that pairs of a wide design differ in."""
+def _widened(provenance: Provenance, samples: Samples, sources: Sequence[tuple[Samples, Plates]]) -> Provenance:
+    """The provenance with all that pairs of a wide design differ in; as it is for others."""
+    if not _is_wide(sources):
+        return provenance
+    pressures: dict[Control, list[FloatArray]] = {}
+    for some, plates in sources:
+        pressures.setdefault(msgspec.convert(plates.control, Control), []).append(some.pressure)
     forms = samples.form.astype(str)
     seeds = {
         str(form): _seeds(samples.wheel_seed[forms == form], samples.axle_seed[forms == form])
@@ -278,17 +293,11 @@ def _widened(provenance: Provenance, samples: Samples, controls: set[str]) -> Pr
     }
     return msgspec.structs.replace(
         provenance,
-        pressure=_range(samples.pressure),
-        controls=tuple(sorted(controls)),
+        pressures={control: _range(np.concatenate(some)) for control, some in sorted(pressures.items())},
         forms=tuple(seeds),
         lays=tuple(np.unique(samples.lay.astype(str)).tolist()),
         seeds_of_form=seeds,
     )
-
-
-def _on(device: str, data: Pairs) -> Pairs:
-    """The pairs on a device."""
-    return Pairs(**{part.name: getattr(data, part.name).to(device) for part in fields(Pairs)})
 
 
 def _range(values: FloatArray) -> tuple[float, float]:

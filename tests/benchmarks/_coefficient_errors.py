@@ -154,7 +154,7 @@ def common_to_packing(samples: Samples) -> float:
     From the variance between packings in a one-way analysis of plates less network, at least 0 (Searle et al. 1992).
     """
     predictor, data = Predictor(), pair_tensors(samples)
-    mean, spread = predict_pairs(predictor.model, data.wheel, data.axle, data.micro)
+    mean, spread = predict_pairs(predictor.model, data)
     off = ((data.meso - mean) / spread).double().mean(1).numpy()  # the same at all micro coefficients but for a
     _, group = np.unique(samples.packing_seed, return_inverse=True)
     size = np.bincount(group)

@@ -140,8 +140,8 @@ def test_round_trip(trained: Trained, tmp_path: Path) -> None:
     assert provenance == trained.provenance
     data = pair_tensors(SAMPLES)
     for one, other in zip(
-        predict_pairs(model, data.wheel, data.axle, data.micro),
-        predict_pairs(trained.model, data.wheel, data.axle, data.micro),
+        predict_pairs(model, data),
+        predict_pairs(trained.model, data),
         strict=True,
     ):
         assert torch.equal(one, other)
@@ -359,8 +359,8 @@ def test_a_constant_in_b_is_found_by_the_network_that_has_one(tmp_path: Path) ->
     assert isinstance(model, FoundationEnsemble)
     assert (model.constant, about.plates) == (True, swinging)
     data = pair_tensors(SAMPLES)
-    expected, _ = predict_pairs(found.model, data.wheel, data.axle, data.micro)
-    assert torch.equal(predict_pairs(model, data.wheel, data.axle, data.micro)[0], expected)
+    expected, _ = predict_pairs(found.model, data)
+    assert torch.equal(predict_pairs(model, data)[0], expected)
 
 
 def test_slow_plates_have_no_constant(trained: Trained) -> None:
@@ -381,13 +381,13 @@ def test_several_seeds_of_the_papers_network_are_an_ensemble(tmp_path: Path) -> 
     assert isinstance(model, LallemanEnsemble)
     assert (about.architecture, len(model.members)) == ("paper", 3)
     data = pair_tensors(SAMPLES)
-    mean, spread = predict_pairs(model, data.wheel, data.axle, data.micro)
+    mean, spread = predict_pairs(model, data)
     alone = train_network(SAMPLES, "paper", epochs=3).model
-    members = torch.stack([predict_pairs(m, data.wheel, data.axle, data.micro)[0] for m in model.members])
-    assert torch.equal(members[0], predict_pairs(alone, data.wheel, data.axle, data.micro)[0])
+    members = torch.stack([predict_pairs(m, data)[0] for m in model.members])
+    assert torch.equal(members[0], predict_pairs(alone, data)[0])
     torch.testing.assert_close(mean, members.mean(0))
     validation = data.take(split_by_family(SAMPLES)[1])
-    about_mean, stated = predict_pairs(model, validation.wheel, validation.axle, validation.micro)
+    about_mean, stated = predict_pairs(model, validation)
     inside = ((about_mean - validation.meso).abs() <= 1.645 * stated).float().mean()
     assert 0.88 <= float(inside) <= 0.95
     assert float(spread.std()) > 0.0  # larger where the members differ
@@ -435,7 +435,10 @@ def test_the_state_of_another_training_or_a_damaged_one_is_left_aside(
 
 
 def test_the_load_of_the_database_counts() -> None:
-    light, heavy = (train_network(SAMPLES, plates=Plates(pressure=load), epochs=0, members=2) for load in (50.0, 170.0))
+    pressed = {load: replace(SAMPLES, pressure=np.full(len(SAMPLES), load)) for load in (50.0, 170.0)}
+    light, heavy = (
+        train_network(samples, plates=Plates(pressure=load), epochs=0, members=2) for load, samples in pressed.items()
+    )
     assert isinstance(light.provenance.options, EnsembleOptions)
     assert light.provenance.options.load == 50.0
     assert not torch.equal(light.model.state_dict()["last_bias"], heavy.model.state_dict()["last_bias"])
