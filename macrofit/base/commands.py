@@ -34,6 +34,25 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that numpy, PETSc and numba read when they are first imported."""
 
 
+class Positive(click.FloatRange):
+    """A number above 0 on the command line."""
+
+    name = "number"
+
+    def __init__(self) -> None:
+        super().__init__(min=0.0, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number of a text.
+
+        Raises:
+            click.BadParameter: it is none, or not above 0.
+        """
+        if isinstance(value, str) and value.count(",") == 1 and "." not in value:
+            self.fail(f"{value!r} has a decimal comma; write {value.replace(',', '.')}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 class Commands(click.Group):
     """A group that says an error the user can mend on one line and exits with 2; an interruption with 130."""
 
@@ -44,6 +63,13 @@ class Commands(click.Group):
 
             register()
         return super().main(*given, **named)
+
+    def make_context(self, *given: Any, **named: Any) -> click.Context:
+        """The context of a line, whose own options are read here; of a mistake in them one line."""
+        try:
+            return super().make_context(*given, **named)
+        except click.UsageError as error:
+            raise _on_one_line(error) from None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -74,6 +100,8 @@ class Commands(click.Group):
             swallow(sys.stdout)
             complain(f"standard output: cannot be written: {error.strerror} (make room, then give the command again)")
             ctx.exit(USER_MISTAKE)
+        except click.UsageError as error:
+            raise _on_one_line(error) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except Exception as error:
@@ -83,6 +111,14 @@ class Commands(click.Group):
             ctx.exit(INTERRUPTED)
         finally:
             atexit.register(end_at_once)  # last in, first out: before what was imported meanwhile cleans up
+
+
+def _on_one_line(error: click.UsageError) -> click.exceptions.Exit:
+    """Say what is wrong with a line that was typed, and give what ends the program."""
+    command = command_name() if error.ctx is None else error.ctx.command_path
+    said = " ".join(error.format_message().split()).rstrip(".")
+    click.echo(f"{command.split()[0]}: {said} (see {command} --help)", err=True)
+    return click.exceptions.Exit(USER_MISTAKE)
 
 
 def set_option(what: str, complete: Complete | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

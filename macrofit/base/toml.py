@@ -94,7 +94,7 @@ def split_override(text: str, example: str = "motion.travel=20") -> tuple[tuple[
     A part of a key that holds a dot or a space is quoted, as in TOML.
 
     Raises:
-        TomlError: there is no ``=``, or the key is not one of TOML.
+        TomlError: there is no ``=``, the key is not one of TOML, or the value is a number with a decimal comma.
     """
     written = _split_at_equals(text)
     path = None if written is None else _key_path(written[0])
@@ -104,6 +104,10 @@ def split_override(text: str, example: str = "motion.travel=20") -> tuple[tuple[
     try:
         parsed = tomllib.loads(f"value = {value}")
     except (ValueError, RecursionError):
+        if re.fullmatch(r"[-+]?\d+,\d+", value):
+            raise TomlError(
+                f"'{text}': write {value.replace(',', '.')} with a decimal point, or a list as [{value}]"
+            ) from None
         return path, value
     if depth_of(parsed) > DEEPEST or len(path) > DEEPEST:
         raise TomlError(f"'{text[:60]} ...': {TOO_DEEP}")

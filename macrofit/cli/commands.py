@@ -265,7 +265,7 @@ def judge(
 @main.command()
 @scene_argument
 @click.option(
-    "--tolerance", type=click.FloatRange(min=0.0, min_open=True), default=0.05, show_default=True,
+    "--tolerance", type=POSITIVE, default=0.05, show_default=True,
     help="Relative error of force, pressure and largest stress that a preset must meet.",
 )  # fmt: skip
 @changes

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..base.commands import set_option
+from ..base.commands import Positive, set_option
 from ..presets import PRESETS, summary
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
+POSITIVE = Positive()
 
 
 def completes_scene(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

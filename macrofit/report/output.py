@@ -37,7 +37,7 @@ def write_report(
     """
     target = target or folder / NAME
     if target.suffix.lower() not in (".html", ".htm"):
-        raise OutputError(f"{target}: is no name of a page; end it with .html")
+        raise OutputError(f"{target}: is no name of a page; end it with .html, and --pdf prints it beside it")
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; name a file in it")
     write_text(target, _page(folder, standard, wheel))

@@ -60,6 +60,25 @@ def test_a_mistyped_command_is_told_what_was_meant(program: click.Group, typed: 
 
 
 @pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--foo", "macrofit: No such option: --foo (see macrofit --help)"),
+        ("run", "macrofit: Missing argument 'SCENE' (see macrofit run --help)"),
+        ("run wheelset --fo", "macrofit: No such option: --fo (see macrofit run --help)"),
+        ("judge a.csv --diameter 180,25", "'180,25' has a decimal comma; write 180.25 (see macrofit judge --help)"),
+        ("judge a.csv --diameter wide", "'wide' is not a valid number (see macrofit judge --help)"),
+        ("judge a.csv --length 0", "0.0 is not in the range x>0.0 (see macrofit judge --help)"),
+        ("run wheelset --set mesh.order=0,5", "write 0.5 with a decimal point, or a list as [0,5]"),
+    ],
+)
+def test_a_mistake_in_the_line_is_one_line(words: str, said: str) -> None:
+    shown = CliRunner(mix_stderr=False).invoke(macrofit, words.split())
+    assert shown.exit_code == 2
+    assert len(shown.stderr.splitlines()) == 1
+    assert said in shown.stderr
+
+
+@pytest.mark.parametrize(
     ("typed", "remedy"),
     [
         ("wheelst", "did you mean 'wheelset'?"),
