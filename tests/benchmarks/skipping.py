@@ -28,6 +28,10 @@ VARIANTS = {
     "wheelset, no stress": ("wheelset", "output.stress=false"),
     "wheelset, curve only": ("wheelset", "output.stress=false", "output.fields_at=[]"),
     "wheelset, frictionless": ("wheelset", "friction.options.coefficient=0"),
+    "wheelset, let go": ("wheelset", "motion.release=true"),
+    "wheelset, cooling": ("wheelset", "wheel.temperature=120", "motion.cooling=true"),
+    "wheelset, profile": ("wheelset", f"axle.profile={PROFILE}"),
+    "wheelset, never yields": ("wheelset", "axle.material.yield_stress=9000", "wheel.material.yield_stress=9000"),
     "wheelset, network": ("wheelset", "friction.provider=surrogate", "friction.options={}", "motion.travel=20"),
 }
 QUICK = {
