@@ -145,7 +145,8 @@ class PlasticBody:
             load = self.load(state.strain)
             y = self.forward(load.copy())
             own = self.kept.backward(y, self.line_part)[self.trace]
-        y += self.forward(self.contact_load(loads))
+        if loads.any():
+            y += self.forward(self.contact_load(loads))
         return Ended(displacement=self.kept.backward(y, self.kept.everything), own=own, load=load)
 
     def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
@@ -290,7 +291,8 @@ class BodyStep:
 
     def press(self, loads: FloatArray) -> None:
         """Take the loads of the contact (2 loaded nodes,) [N] that follow from x."""
-        self._y += self.body.forward(self.body.contact_load(loads - self._loads))
+        if (loads != self._loads).any():
+            self._y += self.body.forward(self.body.contact_load(loads - self._loads))
 
     def flowed(self) -> FloatArray:
         """g(x): the plastic strains that the law gives under these loads."""
