@@ -124,7 +124,9 @@ def _evaluate(
         if flow is not None:
             strains, accumulated = flow.at(batch)
             inner = flow.loads(strains)
-            displacement += body.solve(inner)
+            moved = [at for at, k in enumerate(batch) if flowed[k]]
+            if moved:
+                displacement[:, moved] += body.solve(inner[:, moved])
         reactions[batch] = body.reaction(displacement, forces, inner)
         stress = evaluator.stress(displacement)
         if flow is not None:

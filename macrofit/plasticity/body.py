@@ -145,7 +145,8 @@ class PlasticBody:
             load = self.load(state.strain)
             y = self.forward(load.copy())
             own = self.kept.backward(y, self.line_part)[self.trace]
-        y += self.forward(self.contact_load(loads))
+        if loads.any():
+            y += self.forward(self.contact_load(loads))
         return Ended(displacement=self.kept.backward(y, self.kept.everything), own=own, load=load)
 
     def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
@@ -234,6 +235,7 @@ class BodyStep:
             1, min(MOST_PARTS, math.ceil(abs(moved) / (PART * float(body.body.line.length.min())) - 1e-9))
         )
         self._loads, self._started = loads, before.ended
+        self._elastic: FloatArray | None = None  # the displacement under the first loads, for it was looked at whole
         self._flowed_before = bool(before.state.accumulated.any())
         self._whole = before.state.strain.copy()
         self._chosen = np.zeros(body.count, dtype=bool)
@@ -289,7 +291,8 @@ class BodyStep:
 
     def press(self, loads: FloatArray) -> None:
         """Take the loads of the contact (2 loaded nodes,) [N] that follow from x."""
-        self._y += self.body.forward(self.body.contact_load(loads - self._loads))
+        if (loads != self._loads).any():
+            self._y += self.body.forward(self.body.contact_load(loads - self._loads))
 
     def flowed(self) -> FloatArray:
         """g(x): the plastic strains that the law gives under these loads."""
@@ -321,7 +324,12 @@ class BodyStep:
     def widened(self, ended: Ended | None = None) -> int:
         """How many points that were left out flow, now or at an end; they and what is near are taken in."""
         body = self.body
-        u = self._displacement(body.kept.everything) if ended is None else ended.displacement
+        if ended is None:
+            self._elastic = u = self._displacement(body.kept.everything)
+        elif ended.displacement is self._elastic:
+            return 0  # these stresses were looked at
+        else:
+            u = ended.displacement
         over = overshoot(body.stress(u, self.before.strain), self.before, body.law)
         missed = int(((over > 0.0) & ~self._chosen).sum())
         if missed:
@@ -337,7 +345,10 @@ class BodyStep:
         return float(np.square(self.scale * (self._after.strain - self._part.strain)).sum())
 
     def ended(self, loads: FloatArray) -> Ended:
-        """What g(x) and the loads (2 loaded nodes,) of the contact lead to."""
+        """What g(x) and the loads (2 loaded nodes,) of the contact lead to; known where nothing has ever flowed."""
+        if self._elastic is not None and not self._flowed_before and not len(self.points):
+            none = np.zeros(self.body.body.dofs)
+            return Ended(displacement=self._elastic, own=np.zeros(len(self.body.trace)), load=none)
         return self.body.ended(self.before.with_points(self.points, self._after), loads)
 
     def finished(self, ended: Ended) -> tuple[BodyFlow, FloatArray]:
