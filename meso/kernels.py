@@ -1,10 +1,11 @@
-"""Numba kernels of the sliding plates: the scalar laws first, then loops that only index.
+"""Numba kernels of the sliding plates: the laws first, then loops that only index.
 
 Everything that calls each other stands in this one file: the cache of compiled code does not see other files change.
 
 Arrays that several kernels share
 ---------------------------------
-u, v, f : (n, 6)      displacement and rotation [mm, rad], their rates, force and moment [N, N mm]
+u, v, f : (n, 6)      displacement and rotation [mm, rad], their rates, force and moment [N, N mm]; while time runs
+                      each sphere has a line of 64 bytes, (lines, 8), in the order of `blocks` (`meso.lattice.blocks`)
 rows, cols            half of the bonds in compressed rows: bond k of row i joins i to cols[k] > i
 beams   : (bonds, 6)  axis e from i to j (3), 1 / length, EA / l [N/mm], EI / l [N mm]
 anchored, anchors     nodes held by an external face (m,), and what holds each: stiffness along z and across [N/mm],
@@ -18,8 +19,13 @@ history : (p, 9)      of the last state: tangential force on the wheel sphere [N
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, overload, register_model
 
 from macrofit.base.caches import ensure_cache
 from macrofit.base.compiled import check_compiled
@@ -27,7 +33,9 @@ from macrofit.base.compiled import check_compiled
 ensure_cache()  # numba looks for it where a kernel is declared
 
 FAST = {"contract", "nsz"}
-"""Fused multiply-add is allowed, reordering is not: the same bits every time."""
+"""Fused multiply-add is allowed, reordering is not: the same bits every time on one processor."""
+EXACT = False
+"""Every operation is rounded by itself: the same bits on every processor. Said, or a caller's would be taken over."""
 
 WHEEL, AXLE = range(2)
 """Columns of pair: the wheel's node, the axle's."""
@@ -42,15 +50,193 @@ ALONG, ACROSS, COUPLING, ROTATION, TORSION = range(5)
 PER_AREA, PER_MODULUS, TENSILE_STRENGTH, SHEAR_STRENGTH = range(4)
 """Columns of section: 1/S [1/mm2], r/I [1/mm3], strengths [MPa]."""
 
+# --- eight numbers at once -------------------------------------------------------------------------------------------
+#
+# `Lanes` are eight doubles in one register, or in as many as the processor needs for them. Sums and products of lanes
+# are rounded one by one, nothing is fused or reordered: the same bits on every processor. The laws below take numbers
+# or lanes.
 
-@njit(cache=True, fastmath=FAST)
+WIDTH = 8
+"""Lanes, and doubles in the line of 64 bytes of a sphere."""
+EIGHT = ir.VectorType(ir.DoubleType(), WIDTH)
+INT = ir.IntType(32)
+
+
+class Lanes(types.Type):
+    """Eight doubles."""
+
+
+LANES = Lanes(name="Lanes")
+
+
+@register_model(Lanes)
+class LanesModel(models.PrimitiveModel):
+    """Lanes are a vector of LLVM."""
+
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, EIGHT)
+
+
+def place_of(context, builder, kind, array, at):
+    """Pointer to eight doubles of an array, from element `at` of its memory on."""
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [at]), EIGHT.as_pointer())
+
+
+def picked(builder, a, b, numbers):
+    """Lanes of a (0 to 7) and b (8 to 15) by their numbers."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT, WIDTH), numbers))
+
+
+def transposed(builder, rows):
+    """The columns of eight rows, in three rounds: of pairs, fours and eights."""
+    rounds = [
+        ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
+        ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
+        ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
+    ]
+    for reach, masks in zip((1, 2, 4), rounds, strict=True):
+        turned_rows = list(rows)
+        for k in range(WIDTH):
+            if not k & reach:
+                for side, numbers in enumerate(masks):
+                    turned_rows[k + side * reach] = picked(builder, rows[k], rows[k + reach], numbers)
+        rows = turned_rows
+    return rows
+
+
+@intrinsic
+def load(typing, array, at):
+    """Eight doubles of an array, from element `at` of its memory on."""
+
+    def emit(context, builder, signature, arguments):
+        return builder.load(place_of(context, builder, signature.args[0], *arguments), align=8)
+
+    return LANES(array, types.intp), emit
+
+
+@intrinsic
+def store(typing, array, at, value):
+    """Write eight doubles into an array, from element `at` of its memory on."""
+
+    def emit(context, builder, signature, arguments):
+        builder.store(arguments[2], place_of(context, builder, signature.args[0], *arguments[:2]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, LANES), emit
+
+
+@intrinsic
+def load_lines(typing, lines, index, at):
+    """The lines of eight spheres, whose offsets are index[at : at + 8] of the flat index: eight times lanes."""
+
+    def emit(context, builder, signature, arguments):
+        lines_kind, index_kind, _ = signature.args
+        data = context.make_array(index_kind)(context, builder, arguments[1]).data
+        rows = []
+        for k in range(WIDTH):
+            offset = builder.load(builder.gep(data, [builder.add(arguments[2], ir.Constant(arguments[2].type, k))]))
+            offset = builder.zext(offset, arguments[2].type)
+            rows.append(builder.load(place_of(context, builder, lines_kind, arguments[0], offset), align=8))
+        return cgutils.pack_array(builder, transposed(builder, rows), EIGHT)
+
+    return types.UniTuple(LANES, WIDTH)(lines, index, types.intp), emit
+
+
+@intrinsic
+def load_block(typing, lines, at):
+    """The lines of eight spheres that follow each other, from element `at` on: eight times lanes."""
+
+    def emit(context, builder, signature, arguments):
+        rows = []
+        for k in range(WIDTH):
+            offset = builder.add(arguments[1], ir.Constant(arguments[1].type, WIDTH * k))
+            rows.append(
+                builder.load(place_of(context, builder, signature.args[0], arguments[0], offset), align=8)
+            )
+        return cgutils.pack_array(builder, transposed(builder, rows), EIGHT)
+
+    return types.UniTuple(LANES, WIDTH)(lines, types.intp), emit
+
+
+@intrinsic
+def store_block(typing, lines, at, values):
+    """Write the lines of eight spheres that follow each other, from element `at` on."""
+
+    def emit(context, builder, signature, arguments):
+        rows = transposed(builder, cgutils.unpack_tuple(builder, arguments[2]))
+        for k in range(WIDTH):
+            offset = builder.add(arguments[1], ir.Constant(arguments[1].type, WIDTH * k))
+            builder.store(rows[k], place_of(context, builder, signature.args[0], arguments[0], offset), align=8)
+        return context.get_dummy_value()
+
+    return types.void(lines, types.intp, values), emit
+
+
+@intrinsic
+def spread(typing, number):
+    """Eight times the same number."""
+
+    def emit(context, builder, signature, arguments):
+        one = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), arguments[0], ir.Constant(INT, 0))
+        return picked(builder, one, one, [0] * WIDTH)
+
+    return LANES(types.float64), emit
+
+
+@intrinsic
+def lane(typing, values, number):
+    """One of eight numbers."""
+
+    def emit(context, builder, signature, arguments):
+        return builder.extract_element(*arguments)
+
+    return types.float64(LANES, types.intp), emit
+
+
+def arithmetic(name):
+    """An operation of LLVM on lanes."""
+
+    @intrinsic
+    def operation(typing, a, b):
+        def emit(context, builder, signature, arguments):
+            return getattr(builder, name)(*arguments)
+
+        return LANES(LANES, LANES), emit
+
+    return operation
+
+
+def overload_for_lanes(sign, name):
+    """Let an operator work on lanes, and on lanes and a number."""
+    operation = arithmetic(name)
+
+    @overload(sign, jit_options={"fastmath": EXACT})
+    def implementation(a, b):
+        if a is LANES and b is LANES:
+            return lambda a, b: operation(a, b)
+        if a is LANES and isinstance(b, types.Float):
+            return lambda a, b: operation(a, spread(b))
+        if isinstance(a, types.Float) and b is LANES:
+            return lambda a, b: operation(spread(a), b)
+        return None
+
+
+for sign, name in {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}.items():
+    overload_for_lanes(sign, name)
+
+
+# --- explicit slides -------------------------------------------------------------------------------------------------
+
+
+@njit(cache=True, fastmath=EXACT)
 def beam(ex, ey, ez, per_length, axial, bending, twist, ui, uj):
     """Force on i (3), w (3) and h (3) of an Euler-Bernoulli beam; moments are w - h on i and -w - h on j.
 
     d = u_j - u_i, a = t_i + t_j less its part along e and less 2 (e x d)/l, M = 6 (EI/l) a:
     F_i = (EA/l)(d.e) e - (M x e)/l,  w = (EI/l)(t_j - t_i) + (G I_o/l - EI/l)((t_j - t_i).e) e,  h = M/2,
     with G I_o = EI/(1 + nu) and twist = -nu/(1 + nu). Andre et al. 2012, CMAME 213-216, 113-125, written without
-    a local frame.
+    a local frame. For numbers and for lanes.
     """
     dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
     ax, ay, az = ui[3] + uj[3], ui[4] + uj[4], ui[5] + uj[5]
@@ -70,7 +256,7 @@ def beam(ex, ey, ez, per_length, axial, bending, twist, ui, uj):
     return fx, fy, fz, wx, wy, wz, hx, hy, hz
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def touch(dx, dy, dz, reach, normal_stiffness):
     """Unit normal n (3) from the wheel sphere to the axle sphere and the contact force f_n = k_n <reach - |d|> [N]."""
     square = dx * dx + dy * dy + dz * dz
@@ -80,7 +266,7 @@ def touch(dx, dy, dz, reach, normal_stiffness):
     return dx / distance, dy / distance, dz / distance, normal_stiffness * (reach - distance)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def slide(nx, ny, nz, bound, stiffness, tx, ty, tz, sx, sy, sz):
     """Tangential force on the wheel sphere (3) and the work lost, after the step (sx, sy, sz) of its contact point.
 
@@ -97,7 +283,7 @@ def slide(nx, ny, nz, bound, stiffness, tx, ty, tz, sx, sy, sz):
     return scale * tx, scale * ty, scale * tz, bound * (size - bound) / stiffness
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def anchor_forces(u, f, anchored, anchors):
     """Add the forces of the external faces, and the moments that belong to them.
 
@@ -143,7 +329,7 @@ def beam_forces(u, f, rows, cols, beams, anchored, anchors, twist):
             f[j, 5] -= wz + hz
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction, ox, oy, oz, total):
     """Add the forces of the live candidates to f, move their history on, and sum.
 
@@ -200,63 +386,104 @@ def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction
         total[3] += lost
 
 
-@njit(cache=True, fastmath=FAST)
-def leapfrog_step(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping):
+@njit(cache=True, fastmath=EXACT)
+def lines_for(blocks):
+    """Zeros for each sphere and each empty lane, (lines, 8), each line within one line of the processor's cache."""
+    count = WIDTH * WIDTH * (len(blocks.start) - 1)
+    memory = np.zeros(count + WIDTH)
+    skip = -(memory.ctypes.data // 8) % WIDTH
+    return memory[skip : skip + count].reshape(-1, WIDTH)
+
+
+@njit(cache=True, fastmath=EXACT)
+def put_in_order(values, blocks, lines):
+    """Values (n, k) of the spheres into their lines."""
+    for i in range(len(values)):
+        for k in range(values.shape[1]):
+            lines[blocks.place[i], k] = values[i, k]
+
+
+@njit(cache=True, fastmath=EXACT)
+def take_from_order(lines, blocks, values):
+    """Values (n, k) of the spheres out of their lines."""
+    for i in range(len(values)):
+        for k in range(values.shape[1]):
+            values[i, k] = lines[blocks.place[i], k]
+
+
+@njit(cache=True, fastmath=EXACT)
+def total_of(values):
+    """Sum of lanes."""
+    return ((lane(values, 0) + lane(values, 1)) + (lane(values, 2) + lane(values, 3))) + (
+        (lane(values, 4) + lane(values, 5)) + (lane(values, 6) + lane(values, 7))
+    )
+
+
+@njit(cache=True, fastmath=EXACT)
+def leapfrog_step(old, new, v, f, blocks, twist, dt, damping):
     """Beam forces and one leapfrog step, in one pass over memory; f is left at zero; returns sum of m v^2 [N mm].
 
-    v+ = ((1 - c dt/2) v- + dt f/m) / (1 + c dt/2), u+ = u + dt v+; inverse (n, 2) is 1/m and 1/I.
-    A row holds the bonds to later nodes only: when row i is done, node i is complete, and no later row reads it.
+    v+ = ((1 - c dt/2) v- + dt f/m) / (1 + c dt/2), new = old + dt v+, all in lines (lines, 8). Eight spheres at once,
+    each of which asks all its beams for the force on it alone: no sphere writes to another.
     """
-    anchor_forces(u, f, anchored, anchors)
     keep = (1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt)
     push = dt / (1.0 + 0.5 * damping * dt)
-    twice_kinetic = 0.0
-    for i in range(len(rows) - 1):
-        ui = u[i]
-        f0, f1, f2, f3, f4, f5 = f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5]
-        for k in range(rows[i], rows[i + 1]):
-            j = cols[k]
-            b = beams[k]
-            fx, fy, fz, wx, wy, wz, hx, hy, hz = beam(b[0], b[1], b[2], b[3], b[4], b[5], twist, ui, u[j])
-            f0 += fx
-            f1 += fy
-            f2 += fz
-            f3 += wx - hx
-            f4 += wy - hy
-            f5 += wz - hz
-            f[j, 0] -= fx
-            f[j, 1] -= fy
-            f[j, 2] -= fz
-            f[j, 3] -= wx + hx
-            f[j, 4] -= wy + hy
-            f[j, 5] -= wz + hz
-        per_mass, per_inertia = push * inverse[i, PER_MASS], push * inverse[i, PER_INERTIA]
-        v0, v1, v2 = keep * v[i, 0] + per_mass * f0, keep * v[i, 1] + per_mass * f1, keep * v[i, 2] + per_mass * f2
-        v3 = keep * v[i, 3] + per_inertia * f3
-        v4 = keep * v[i, 4] + per_inertia * f4
-        v5 = keep * v[i, 5] + per_inertia * f5
-        twice_kinetic += (v0 * v0 + v1 * v1 + v2 * v2) / inverse[i, PER_MASS] + (v3 * v3 + v4 * v4 + v5 * v5) / inverse[
-            i, PER_INERTIA
-        ]
-        v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = v0, v1, v2, v3, v4, v5
-        u[i, 0] += dt * v0
-        u[i, 1] += dt * v1
-        u[i, 2] += dt * v2
-        u[i, 3] += dt * v3
-        u[i, 4] += dt * v4
-        u[i, 5] += dt * v5
-        f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    return twice_kinetic
+    anchor_forces(old, f, blocks.anchored, blocks.anchors)
+    nothing = spread(0.0)
+    twice_kinetic = nothing
+    for block in range(len(blocks.start) - 1):
+        at = WIDTH * WIDTH * block
+        ui, vi = load_block(old, at), load_block(v, at)
+        f0, f1, f2, f3, f4, f5, _, _ = load_block(f, at)
+        for row in range(blocks.start[block], blocks.start[block + 1]):
+            b = 6 * WIDTH * row
+            fx, fy, fz, wx, wy, wz, hx, hy, hz = beam(
+                load(blocks.beams, b),
+                load(blocks.beams, b + WIDTH),
+                load(blocks.beams, b + 2 * WIDTH),
+                load(blocks.beams, b + 3 * WIDTH),
+                load(blocks.beams, b + 4 * WIDTH),
+                load(blocks.beams, b + 5 * WIDTH),
+                twist,
+                ui,
+                load_lines(old, blocks.others, WIDTH * row),
+            )
+            f0, f1, f2 = f0 + fx, f1 + fy, f2 + fz
+            f3, f4, f5 = f3 + (wx - hx), f4 + (wy - hy), f5 + (wz - hz)
+        mass, inertia = load(blocks.mass, 2 * WIDTH * block), load(blocks.mass, 2 * WIDTH * block + WIDTH)
+        per_mass, per_inertia = push / mass, push / inertia
+        v0, v1, v2 = keep * vi[0] + per_mass * f0, keep * vi[1] + per_mass * f1, keep * vi[2] + per_mass * f2
+        v3 = keep * vi[3] + per_inertia * f3
+        v4 = keep * vi[4] + per_inertia * f4
+        v5 = keep * vi[5] + per_inertia * f5
+        twice_kinetic = twice_kinetic + mass * (v0 * v0 + v1 * v1 + v2 * v2) + inertia * (v3 * v3 + v4 * v4 + v5 * v5)
+        store_block(v, at, (v0, v1, v2, v3, v4, v5, nothing, nothing))
+        store_block(f, at, (nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing))
+        store_block(
+            new,
+            at,
+            (
+                ui[0] + dt * v0,
+                ui[1] + dt * v1,
+                ui[2] + dt * v2,
+                ui[3] + dt * v3,
+                ui[4] + dt * v4,
+                ui[5] + dt * v5,
+                nothing,
+                nothing,
+            ),
+        )
+    return total_of(twice_kinetic)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def run_leapfrog(
-    u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping,
-    first, last, pair, offset, parameters, history, micro_friction, window, live,
+    u, v, blocks, twist, dt, damping, first, last, pair, offset, parameters, history, micro_friction, window, live,
     drive, speed, target, carriage, steps, total,
 ):  # fmt: skip
     """`steps` leapfrog steps of both plates while the wheel is carried along; returns the number of live candidates.
 
+    u, v (n, 6) are in the order of the spheres, pair (p, 2) holds the places of both in `blocks`.
     drive (3,): where the wheel is [mm], moved in place by speed (3,) [mm/s]. With target > 0 [N] the carriage falls
     freely under that load: m dv_z/dt = N - target - c v_z with carriage = (m [t], c [N s/mm]). Candidates are sorted
     by `first`, the slide at which they may begin; window (2,) holds the next one to begin and the number alive,
@@ -264,6 +491,9 @@ def run_leapfrog(
     total (7,): sums over the steps of the force on the wheel (3) [N], work lost in friction, in damping, work done
     by the drive [N mm], and at its end twice the kinetic energy of the last step [N mm].
     """
+    old, new, rates, f = lines_for(blocks), lines_for(blocks), lines_for(blocks), lines_for(blocks)
+    put_in_order(u, blocks, old)
+    put_in_order(v, blocks, rates)
     sums = np.zeros(4)
     for _ in range(steps):
         drive[0] += dt * speed[0]
@@ -282,19 +512,9 @@ def run_leapfrog(
                 q += 1
         sums[:] = 0.0
         contact_forces(
-            u,
-            f,
-            live[: window[1]],
-            pair,
-            offset,
-            parameters,
-            history,
-            micro_friction,
-            drive[0],
-            drive[1],
-            drive[2],
-            sums,
-        )
+            old, f, live[: window[1]], pair, offset, parameters, history, micro_friction,
+            drive[0], drive[1], drive[2], sums,
+        )  # fmt: skip
         if target > 0.0:
             speed[2] += dt * (sums[2] - target - carriage[1] * speed[2]) / carriage[0]
         total[0] += sums[0]
@@ -302,10 +522,28 @@ def run_leapfrog(
         total[2] += sums[2]
         total[3] += sums[3]
         total[5] -= dt * (sums[0] * speed[0] + sums[1] * speed[1] + sums[2] * speed[2])
-        twice_kinetic = leapfrog_step(u, v, f, rows, cols, beams, anchored, anchors, twist, inverse, dt, damping)
+        twice_kinetic = leapfrog_step(old, new, rates, f, blocks, twist, dt, damping)
+        old, new = new, old
         total[4] += dt * damping * twice_kinetic
         total[6] = twice_kinetic
+    take_from_order(old, blocks, u)
+    take_from_order(rates, blocks, v)
     return window[1]
+
+
+@njit(cache=True, fastmath=EXACT)
+def leapfrog(u, v, blocks, twist, dt, damping, steps):
+    """`steps` leapfrog steps of a lattice by itself, u and v (n, 6); returns sum of m v^2 in the last one [N mm]."""
+    old, new, rates, f = lines_for(blocks), lines_for(blocks), lines_for(blocks), lines_for(blocks)
+    put_in_order(u, blocks, old)
+    put_in_order(v, blocks, rates)
+    twice_kinetic = 0.0
+    for _ in range(steps):
+        twice_kinetic = leapfrog_step(old, new, rates, f, blocks, twist, dt, damping)
+        old, new = new, old
+    take_from_order(old, blocks, u)
+    take_from_order(rates, blocks, v)
+    return twice_kinetic
 
 
 @njit(cache=True)
