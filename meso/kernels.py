@@ -52,9 +52,9 @@ PER_AREA, PER_MODULUS, TENSILE_STRENGTH, SHEAR_STRENGTH = range(4)
 
 # --- eight numbers at once -------------------------------------------------------------------------------------------
 #
-# `Lanes` are eight doubles in one register, or in as many as the processor needs for them. Sums and products of lanes
-# are rounded one by one, nothing is fused or reordered: the same bits on every processor. The laws below take numbers
-# or lanes.
+# `Lanes` are eight doubles in one register, or in as many as the processor needs for them. Nothing is reordered, and
+# only what is written with `fma` is rounded once: the same bits on every processor. The laws below take numbers or
+# lanes.
 
 WIDTH = 8
 """Lanes, and doubles in the line of 64 bytes of a sphere."""
@@ -222,14 +222,60 @@ def overload_for_lanes(sign, name):
         return None
 
 
+@intrinsic
+def fused(typing, a, b, c):
+    """a b + c of numbers or of lanes, rounded once."""
+
+    def emit(context, builder, signature, arguments):
+        kind = arguments[0].type
+        name = "llvm.fma.v8f64" if kind == EIGHT else "llvm.fma.f64"
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
+        return builder.call(function, arguments)
+
+    return a(a, a, a), emit
+
+
+def fma(a, b, c):
+    """a b + c, rounded once where it is compiled."""
+    return a * b + c
+
+
+@overload(fma, jit_options={"fastmath": EXACT})
+def fma_compiled(a, b, c):
+    """As `fma`."""
+    return lambda a, b, c: fused(a, b, c)
+
+
 for sign, name in {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}.items():
     overload_for_lanes(sign, name)
+
+
+@intrinsic
+def negative(typing, a):
+    """-a of lanes."""
+
+    def emit(context, builder, signature, arguments):
+        return builder.fneg(arguments[0])
+
+    return LANES(LANES), emit
+
+
+@overload(operator.neg, jit_options={"fastmath": EXACT})
+def negative_lanes(a):
+    """-a of lanes."""
+    return (lambda a: negative(a)) if a is LANES else None
 
 
 # --- explicit slides -------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, fastmath=EXACT)
+@njit(cache=True, fastmath=EXACT, forceinline=True)
+def dot(ax, ay, az, bx, by, bz):
+    """a.b of two vectors of numbers or of lanes."""
+    return fma(az, bz, fma(ay, by, ax * bx))
+
+
+@njit(cache=True, fastmath=EXACT, forceinline=True)
 def beam(ex, ey, ez, per_length, axial, bending, twist, ui, uj):
     """Force on i (3), w (3) and h (3) of an Euler-Bernoulli beam; moments are w - h on i and -w - h on j.
 
@@ -241,18 +287,18 @@ def beam(ex, ey, ez, per_length, axial, bending, twist, ui, uj):
     dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
     ax, ay, az = ui[3] + uj[3], ui[4] + uj[4], ui[5] + uj[5]
     wx, wy, wz = uj[3] - ui[3], uj[4] - ui[4], uj[5] - ui[5]
-    de = dx * ex + dy * ey + dz * ez
-    ae = ax * ex + ay * ey + az * ez
-    we = twist * (wx * ex + wy * ey + wz * ez)
-    two = 2.0 * per_length
-    hx = 3.0 * bending * (ax - ae * ex - two * (ey * dz - ez * dy))
-    hy = 3.0 * bending * (ay - ae * ey - two * (ez * dx - ex * dz))
-    hz = 3.0 * bending * (az - ae * ez - two * (ex * dy - ey * dx))
-    along = axial * de
-    fx = along * ex - two * (hy * ez - hz * ey)
-    fy = along * ey - two * (hz * ex - hx * ez)
-    fz = along * ez - two * (hx * ey - hy * ex)
-    wx, wy, wz = bending * (wx + we * ex), bending * (wy + we * ey), bending * (wz + we * ez)
+    along = axial * dot(dx, dy, dz, ex, ey, ez)
+    back = -dot(ax, ay, az, ex, ey, ez)
+    we = twist * dot(wx, wy, wz, ex, ey, ez)
+    two, three = 2.0 * per_length, 3.0 * bending
+    ox, oy, oz = two * ex, two * ey, two * ez
+    hx = three * fma(oz, dy, fma(-oy, dz, fma(back, ex, ax)))
+    hy = three * fma(ox, dz, fma(-oz, dx, fma(back, ey, ay)))
+    hz = three * fma(oy, dx, fma(-ox, dy, fma(back, ez, az)))
+    fx = fma(along, ex, fma(hz, oy, -(hy * oz)))
+    fy = fma(along, ey, fma(hx, oz, -(hz * ox)))
+    fz = fma(along, ez, fma(hy, ox, -(hx * oy)))
+    wx, wy, wz = bending * fma(we, ex, wx), bending * fma(we, ey, wy), bending * fma(we, ez, wz)
     return fx, fy, fz, wx, wy, wz, hx, hy, hz
 
 
@@ -283,33 +329,34 @@ def slide(nx, ny, nz, bound, stiffness, tx, ty, tz, sx, sy, sz):
     return scale * tx, scale * ty, scale * tz, bound * (size - bound) / stiffness
 
 
-@njit(cache=True, fastmath=EXACT)
-def anchor_forces(u, f, anchored, anchors):
-    """Add the forces of the external faces, and the moments that belong to them.
+@njit(cache=True, fastmath=EXACT, forceinline=True)
+def anchor(kn, ks, kc, kr, kt, ui):
+    """Force and moment (6) of an external face on a sphere; numbers or lanes.
 
-    f_z -= k_n u_z, f_x -= k_s u_x + k_c t_y, f_y -= k_s u_y - k_c t_x.
+    f_z = -k_n u_z, f_x = -k_s u_x - k_c t_y, f_y = -k_s u_y + k_c t_x, and the moments that belong to them.
     """
-    for a in range(len(anchored)):
-        i = anchored[a]
-        kn, ks, kc, kr, kt = (
-            anchors[a, ALONG],
-            anchors[a, ACROSS],
-            anchors[a, COUPLING],
-            anchors[a, ROTATION],
-            anchors[a, TORSION],
-        )
-        f[i, 0] -= ks * u[i, 0] + kc * u[i, 4]
-        f[i, 1] -= ks * u[i, 1] - kc * u[i, 3]
-        f[i, 2] -= kn * u[i, 2]
-        f[i, 3] -= kr * u[i, 3] - kc * u[i, 1]
-        f[i, 4] -= kr * u[i, 4] + kc * u[i, 0]
-        f[i, 5] -= kt * u[i, 5]
+    return (
+        -fma(kc, ui[4], ks * ui[0]),
+        fma(kc, ui[3], -(ks * ui[1])),
+        -(kn * ui[2]),
+        fma(kc, ui[1], -(kr * ui[3])),
+        -fma(kc, ui[0], kr * ui[4]),
+        -(kt * ui[5]),
+    )
 
 
 @njit(cache=True, fastmath=FAST)
 def beam_forces(u, f, rows, cols, beams, anchored, anchors, twist):
     """Add the forces of all beams to f: f += -K u."""
-    anchor_forces(u, f, anchored, anchors)
+    for a in range(len(anchored)):
+        i, s = anchored[a], anchors[a]
+        f0, f1, f2, f3, f4, f5 = anchor(s[ALONG], s[ACROSS], s[COUPLING], s[ROTATION], s[TORSION], u[i])
+        f[i, 0] += f0
+        f[i, 1] += f1
+        f[i, 2] += f2
+        f[i, 3] += f3
+        f[i, 4] += f4
+        f[i, 5] += f5
     for i in range(len(rows) - 1):
         for k in range(rows[i], rows[i + 1]):
             j = cols[k]
@@ -330,8 +377,10 @@ def beam_forces(u, f, rows, cols, beams, anchored, anchors, twist):
 
 
 @njit(cache=True, fastmath=EXACT)
-def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction, ox, oy, oz, total):
-    """Add the forces of the live candidates to f, move their history on, and sum.
+def contact_forces(u, f, pushed, live, pair, offset, parameters, history, micro_friction, ox, oy, oz, total):
+    """Add the forces of the live candidates to f, move their history on, and sum; u and f in lines.
+
+    pushed (blocks,) is set where f is not zero.
 
     (ox, oy, oz) is how far the wheel has been carried [mm]. Adds to total[0:3] the force on the wheel [N] and to
     total[3] the work lost in friction [N mm].
@@ -368,6 +417,7 @@ def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction
         history[p, 6], history[p, 7], history[p, 8] = rx, ry, rz
         mx, my, mz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
         fx, fy, fz = tx - fn * nx, ty - fn * ny, tz - fn * nz
+        pushed[i // WIDTH], pushed[j // WIDTH] = True, True
         f[i, 0] += fx
         f[i, 1] += fy
         f[i, 2] += fz
@@ -387,28 +437,49 @@ def contact_forces(u, f, live, pair, offset, parameters, history, micro_friction
 
 
 @njit(cache=True, fastmath=EXACT)
-def lines_for(blocks):
-    """Zeros for each sphere and each empty lane, (lines, 8), each line within one line of the processor's cache."""
-    count = WIDTH * WIDTH * (len(blocks.start) - 1)
-    memory = np.zeros(count + WIDTH)
+def zeros_in_lines(count):
+    """Zeros (count, 8), each row within one line of the processor's cache."""
+    memory = np.zeros((count + 1) * WIDTH)
     skip = -(memory.ctypes.data // 8) % WIDTH
-    return memory[skip : skip + count].reshape(-1, WIDTH)
+    return memory[skip : skip + count * WIDTH].reshape(-1, WIDTH)
 
 
 @njit(cache=True, fastmath=EXACT)
-def put_in_order(values, blocks, lines):
-    """Values (n, k) of the spheres into their lines."""
+def lines_of(values, place, count):
+    """Values (n, k) of the spheres in their lines, (count, 8)."""
+    lines = zeros_in_lines(count)
     for i in range(len(values)):
         for k in range(values.shape[1]):
-            lines[blocks.place[i], k] = values[i, k]
+            lines[place[i], k] = values[i, k]
+    return lines
 
 
 @njit(cache=True, fastmath=EXACT)
-def take_from_order(lines, blocks, values):
+def take_lines(lines, place, values):
     """Values (n, k) of the spheres out of their lines."""
     for i in range(len(values)):
         for k in range(values.shape[1]):
-            values[i, k] = lines[blocks.place[i], k]
+            values[i, k] = lines[place[i], k]
+
+
+@njit(cache=True, fastmath=EXACT)
+def lanes_of(values, place, count):
+    """Values (n, 6) of the spheres in lanes: six rows of eight for every block."""
+    lanes = zeros_in_lines(6 * count // WIDTH)
+    for i in range(len(values)):
+        block, lane_number = place[i] // WIDTH, place[i] % WIDTH
+        for k in range(6):
+            lanes[6 * block + k, lane_number] = values[i, k]
+    return lanes
+
+
+@njit(cache=True, fastmath=EXACT)
+def take_lanes(lanes, place, values):
+    """Values (n, 6) of the spheres out of their lanes."""
+    for i in range(len(values)):
+        block, lane_number = place[i] // WIDTH, place[i] % WIDTH
+        for k in range(6):
+            values[i, k] = lanes[6 * block + k, lane_number]
 
 
 @njit(cache=True, fastmath=EXACT)
@@ -419,56 +490,92 @@ def total_of(values):
     )
 
 
+@njit(cache=True, fastmath=EXACT, forceinline=True)
+def row(values, number):
+    """A row of an array of rows of eight."""
+    return load(values, WIDTH * number)
+
+
+@njit(cache=True, fastmath=EXACT, forceinline=True)
+def forces_before(f, pushed, block, held, anchors, ui):
+    """Forces and moments (6) on the spheres of a block from contacts, which are left at zero, and external faces."""
+    f0, f1, f2, f3, f4, f5 = spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    if pushed[block]:
+        pushed[block] = False
+        at, nothing = WIDTH * WIDTH * block, spread(0.0)
+        f0, f1, f2, f3, f4, f5, _, _ = load_block(f, at)
+        store_block(f, at, (nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing))
+    if held[block] >= 0:
+        a = 5 * held[block]
+        g0, g1, g2, g3, g4, g5 = anchor(
+            row(anchors, a + ALONG),
+            row(anchors, a + ACROSS),
+            row(anchors, a + COUPLING),
+            row(anchors, a + ROTATION),
+            row(anchors, a + TORSION),
+            ui,
+        )
+        f0, f1, f2, f3, f4, f5 = f0 + g0, f1 + g1, f2 + g2, f3 + g3, f4 + g4, f5 + g5
+    return f0, f1, f2, f3, f4, f5
+
+
 @njit(cache=True, fastmath=EXACT)
-def leapfrog_step(old, new, v, f, blocks, twist, dt, damping):
+def leapfrog_step(old, new, v, f, pushed, blocks, twist, dt, damping):
     """Beam forces and one leapfrog step, in one pass over memory; f is left at zero; returns sum of m v^2 [N mm].
 
-    v+ = ((1 - c dt/2) v- + dt f/m) / (1 + c dt/2), new = old + dt v+, all in lines (lines, 8). Eight spheres at once,
-    each of which asks all its beams for the force on it alone: no sphere writes to another.
+    v+ = ((1 - c dt/2) v- + dt f/m) / (1 + c dt/2), new = old + dt v+. Eight spheres at once, each of which asks all
+    its beams for the force on it alone: no sphere writes to another.
     """
-    keep = (1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt)
+    keep = spread((1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt))
     push = dt / (1.0 + 0.5 * damping * dt)
-    anchor_forces(old, f, blocks.anchored, blocks.anchors)
-    nothing = spread(0.0)
+    step, nothing = spread(dt), spread(0.0)
     twice_kinetic = nothing
     for block in range(len(blocks.start) - 1):
-        at = WIDTH * WIDTH * block
-        ui, vi = load_block(old, at), load_block(v, at)
-        f0, f1, f2, f3, f4, f5, _, _ = load_block(f, at)
-        for row in range(blocks.start[block], blocks.start[block + 1]):
-            b = 6 * WIDTH * row
+        ui = load_block(old, WIDTH * WIDTH * block)
+        f0, f1, f2, f3, f4, f5 = forces_before(f, pushed, block, blocks.held, blocks.anchors, ui)
+        for k in range(blocks.start[block], blocks.start[block + 1]):
+            b = 6 * k
             fx, fy, fz, wx, wy, wz, hx, hy, hz = beam(
-                load(blocks.beams, b),
-                load(blocks.beams, b + WIDTH),
-                load(blocks.beams, b + 2 * WIDTH),
-                load(blocks.beams, b + 3 * WIDTH),
-                load(blocks.beams, b + 4 * WIDTH),
-                load(blocks.beams, b + 5 * WIDTH),
+                row(blocks.beams, b + AXIS_X),
+                row(blocks.beams, b + AXIS_Y),
+                row(blocks.beams, b + AXIS_Z),
+                row(blocks.beams, b + PER_LENGTH),
+                row(blocks.beams, b + AXIAL),
+                row(blocks.beams, b + BENDING),
                 twist,
                 ui,
-                load_lines(old, blocks.others, WIDTH * row),
+                load_lines(old, blocks.others, WIDTH * k),
             )
             f0, f1, f2 = f0 + fx, f1 + fy, f2 + fz
             f3, f4, f5 = f3 + (wx - hx), f4 + (wy - hy), f5 + (wz - hz)
-        mass, inertia = load(blocks.mass, 2 * WIDTH * block), load(blocks.mass, 2 * WIDTH * block + WIDTH)
+        mass, inertia = row(blocks.mass, 2 * block), row(blocks.mass, 2 * block + 1)
         per_mass, per_inertia = push / mass, push / inertia
-        v0, v1, v2 = keep * vi[0] + per_mass * f0, keep * vi[1] + per_mass * f1, keep * vi[2] + per_mass * f2
-        v3 = keep * vi[3] + per_inertia * f3
-        v4 = keep * vi[4] + per_inertia * f4
-        v5 = keep * vi[5] + per_inertia * f5
-        twice_kinetic = twice_kinetic + mass * (v0 * v0 + v1 * v1 + v2 * v2) + inertia * (v3 * v3 + v4 * v4 + v5 * v5)
-        store_block(v, at, (v0, v1, v2, v3, v4, v5, nothing, nothing))
-        store_block(f, at, (nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing))
+        b = 6 * block
+        v0 = fma(per_mass, f0, keep * row(v, b))
+        v1 = fma(per_mass, f1, keep * row(v, b + 1))
+        v2 = fma(per_mass, f2, keep * row(v, b + 2))
+        v3 = fma(per_inertia, f3, keep * row(v, b + 3))
+        v4 = fma(per_inertia, f4, keep * row(v, b + 4))
+        v5 = fma(per_inertia, f5, keep * row(v, b + 5))
+        twice_kinetic = fma(mass, dot(v0, v1, v2, v0, v1, v2), twice_kinetic)
+        twice_kinetic = fma(inertia, dot(v3, v4, v5, v3, v4, v5), twice_kinetic)
+        b = WIDTH * b
+        store(v, b, v0)
+        store(v, b + WIDTH, v1)
+        store(v, b + 2 * WIDTH, v2)
+        store(v, b + 3 * WIDTH, v3)
+        store(v, b + 4 * WIDTH, v4)
+        store(v, b + 5 * WIDTH, v5)
         store_block(
             new,
-            at,
+            WIDTH * WIDTH * block,
             (
-                ui[0] + dt * v0,
-                ui[1] + dt * v1,
-                ui[2] + dt * v2,
-                ui[3] + dt * v3,
-                ui[4] + dt * v4,
-                ui[5] + dt * v5,
+                fma(step, v0, ui[0]),
+                fma(step, v1, ui[1]),
+                fma(step, v2, ui[2]),
+                fma(step, v3, ui[3]),
+                fma(step, v4, ui[4]),
+                fma(step, v5, ui[5]),
                 nothing,
                 nothing,
             ),
@@ -491,9 +598,9 @@ def run_leapfrog(
     total (7,): sums over the steps of the force on the wheel (3) [N], work lost in friction, in damping, work done
     by the drive [N mm], and at its end twice the kinetic energy of the last step [N mm].
     """
-    old, new, rates, f = lines_for(blocks), lines_for(blocks), lines_for(blocks), lines_for(blocks)
-    put_in_order(u, blocks, old)
-    put_in_order(v, blocks, rates)
+    count = WIDTH * (len(blocks.start) - 1)
+    old, rates = lines_of(u, blocks.place, count), lanes_of(v, blocks.place, count)
+    new, f, pushed = zeros_in_lines(count), zeros_in_lines(count), np.zeros(count // WIDTH, np.bool_)
     sums = np.zeros(4)
     for _ in range(steps):
         drive[0] += dt * speed[0]
@@ -512,7 +619,7 @@ def run_leapfrog(
                 q += 1
         sums[:] = 0.0
         contact_forces(
-            old, f, live[: window[1]], pair, offset, parameters, history, micro_friction,
+            old, f, pushed, live[: window[1]], pair, offset, parameters, history, micro_friction,
             drive[0], drive[1], drive[2], sums,
         )  # fmt: skip
         if target > 0.0:
@@ -522,27 +629,27 @@ def run_leapfrog(
         total[2] += sums[2]
         total[3] += sums[3]
         total[5] -= dt * (sums[0] * speed[0] + sums[1] * speed[1] + sums[2] * speed[2])
-        twice_kinetic = leapfrog_step(old, new, rates, f, blocks, twist, dt, damping)
+        twice_kinetic = leapfrog_step(old, new, rates, f, pushed, blocks, twist, dt, damping)
         old, new = new, old
         total[4] += dt * damping * twice_kinetic
         total[6] = twice_kinetic
-    take_from_order(old, blocks, u)
-    take_from_order(rates, blocks, v)
+    take_lines(old, blocks.place, u)
+    take_lanes(rates, blocks.place, v)
     return window[1]
 
 
 @njit(cache=True, fastmath=EXACT)
 def leapfrog(u, v, blocks, twist, dt, damping, steps):
     """`steps` leapfrog steps of a lattice by itself, u and v (n, 6); returns sum of m v^2 in the last one [N mm]."""
-    old, new, rates, f = lines_for(blocks), lines_for(blocks), lines_for(blocks), lines_for(blocks)
-    put_in_order(u, blocks, old)
-    put_in_order(v, blocks, rates)
+    count = WIDTH * (len(blocks.start) - 1)
+    old, rates = lines_of(u, blocks.place, count), lanes_of(v, blocks.place, count)
+    new, f, pushed = zeros_in_lines(count), zeros_in_lines(count), np.zeros(count // WIDTH, np.bool_)
     twice_kinetic = 0.0
     for _ in range(steps):
-        twice_kinetic = leapfrog_step(old, new, rates, f, blocks, twist, dt, damping)
+        twice_kinetic = leapfrog_step(old, new, rates, f, pushed, blocks, twist, dt, damping)
         old, new = new, old
-    take_from_order(old, blocks, u)
-    take_from_order(rates, blocks, v)
+    take_lines(old, blocks.place, u)
+    take_lanes(rates, blocks.place, v)
     return twice_kinetic
 
 

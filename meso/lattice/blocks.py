@@ -37,10 +37,10 @@ class Blocks(NamedTuple):
     """Number of each beam, -1 where there is none, shape (rows, 8)."""
     mass: FloatArray
     """Mass [t] and moment of inertia [t mm2], 1 in an empty lane, shape (blocks, 2, 8)."""
-    anchored: IntArray
-    """Lines of the spheres that an external face holds, shape (m,)."""
+    held: IntArray
+    """Number among `anchors` of each block with spheres that an external face holds, or -1, shape (blocks,)."""
     anchors: FloatArray
-    """What holds each of them, shape (m, 5)."""
+    """What holds them: the columns of `Lattice.anchors`, shape (m, 5, 8)."""
 
 
 def arranged(
@@ -73,6 +73,11 @@ def arranged(
     arranged_beams[row, : kernels.PER_LENGTH, lane] *= np.where(sort < bonds, 1.0, -1.0)[:, None]
     mass = np.ones((count, 2, WIDTH))
     mass[place // WIDTH, :, place % WIDTH] = 1.0 / inverse
+    holding = np.unique(place[anchored] // WIDTH)
+    held = np.full(count, -1)
+    held[holding] = np.arange(len(holding))
+    arranged_anchors = _in_lines((len(holding), 5, WIDTH))
+    arranged_anchors[held[place[anchored] // WIDTH], :, place[anchored] % WIDTH] = anchors
     return Blocks(
         place=place,
         start=start,
@@ -80,8 +85,8 @@ def arranged(
         beams=arranged_beams,
         bond=bond,
         mass=mass,
-        anchored=place[anchored],
-        anchors=anchors,
+        held=held,
+        anchors=arranged_anchors,
     )
 
 
