@@ -185,7 +185,7 @@ def spread(typing, number):
 
 
 @intrinsic
-def lane(typing, values, number):
+def lane_of(typing, values, number):
     """One of eight numbers."""
 
     def emit(context, builder, signature, arguments):
@@ -235,6 +235,17 @@ def fused(typing, a, b, c):
     return a(a, a, a), emit
 
 
+def as_lanes(a):
+    """A number spread over lanes, or lanes as they are."""
+    return a
+
+
+@overload(as_lanes, jit_options={"fastmath": EXACT})
+def as_lanes_compiled(a):
+    """As `as_lanes`."""
+    return (lambda a: a) if a is LANES else (lambda a: spread(a))
+
+
 def fma(a, b, c):
     """a b + c, rounded once where it is compiled."""
     return a * b + c
@@ -243,7 +254,9 @@ def fma(a, b, c):
 @overload(fma, jit_options={"fastmath": EXACT})
 def fma_compiled(a, b, c):
     """As `fma`."""
-    return lambda a, b, c: fused(a, b, c)
+    if LANES not in (a, b, c):
+        return lambda a, b, c: fused(a, b, c)
+    return lambda a, b, c: fused(as_lanes(a), as_lanes(b), as_lanes(c))
 
 
 for sign, name in {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}.items():
@@ -264,6 +277,84 @@ def negative(typing, a):
 def negative_lanes(a):
     """-a of lanes."""
     return (lambda a: negative(a)) if a is LANES else None
+
+
+def root(a):
+    """Square root of a number or of lanes."""
+    return np.sqrt(a)
+
+
+def larger(a, b):
+    """The larger of two numbers or lanes."""
+    return np.maximum(a, b)
+
+
+def sign_of(a):
+    """1 or -1, the sign of a number or of lanes."""
+    return np.copysign(1.0, a)
+
+
+@intrinsic
+def root_of_lanes(typing, a):
+    """Square roots of lanes."""
+
+    def emit(context, builder, signature, arguments):
+        function = ir.FunctionType(EIGHT, [EIGHT])
+        return builder.call(cgutils.get_or_insert_function(builder.module, function, "llvm.sqrt.v8f64"), arguments)
+
+    return LANES(LANES), emit
+
+
+@intrinsic
+def larger_lanes(typing, a, b):
+    """The larger of each pair."""
+
+    def emit(context, builder, signature, arguments):
+        return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
+
+    return LANES(LANES, LANES), emit
+
+
+@intrinsic
+def either(typing, chosen, a, b):
+    """a where lanes `chosen` are not zero, otherwise b."""
+
+    def emit(context, builder, signature, arguments):
+        chosen = builder.fcmp_ordered("!=", arguments[0], ir.Constant(EIGHT, [0.0] * WIDTH))
+        return builder.select(chosen, *arguments[1:])
+
+    return LANES(LANES, LANES, LANES), emit
+
+
+@intrinsic
+def signs_of_lanes(typing, a):
+    """1 or -1, the signs of lanes."""
+
+    def emit(context, builder, signature, arguments):
+        one = ir.Constant(EIGHT, [1.0] * WIDTH)
+        function = ir.FunctionType(EIGHT, [EIGHT] * 2)
+        copysign = cgutils.get_or_insert_function(builder.module, function, "llvm.copysign.v8f64")
+        return builder.call(copysign, [one, arguments[0]])
+
+    return LANES(LANES), emit
+
+
+@overload(root, jit_options={"fastmath": EXACT})
+def root_compiled(a):
+    """As `root`."""
+    return (lambda a: root_of_lanes(a)) if a is LANES else (lambda a: np.sqrt(a))
+
+
+@overload(larger, jit_options={"fastmath": EXACT})
+def larger_compiled(a, b):
+    """As `larger`."""
+    return (lambda a, b: larger_lanes(a, b)) if a is LANES else (lambda a, b: a if a > b else b)
+
+
+@overload(sign_of, jit_options={"fastmath": EXACT})
+def sign_compiled(a):
+    """As `sign_of`."""
+    return (lambda a: signs_of_lanes(a)) if a is LANES else (lambda a: np.copysign(1.0, a))
 
 
 # --- explicit slides -------------------------------------------------------------------------------------------------
@@ -467,9 +558,9 @@ def lanes_of(values, place, count):
     """Values (n, 6) of the spheres in lanes: six rows of eight for every block."""
     lanes = zeros_in_lines(6 * count // WIDTH)
     for i in range(len(values)):
-        block, lane_number = place[i] // WIDTH, place[i] % WIDTH
+        block, lane = place[i] // WIDTH, place[i] % WIDTH
         for k in range(6):
-            lanes[6 * block + k, lane_number] = values[i, k]
+            lanes[6 * block + k, lane] = values[i, k]
     return lanes
 
 
@@ -477,16 +568,37 @@ def lanes_of(values, place, count):
 def take_lanes(lanes, place, values):
     """Values (n, 6) of the spheres out of their lanes."""
     for i in range(len(values)):
-        block, lane_number = place[i] // WIDTH, place[i] % WIDTH
+        block, lane = place[i] // WIDTH, place[i] % WIDTH
         for k in range(6):
-            values[i, k] = lanes[6 * block + k, lane_number]
+            values[i, k] = lanes[6 * block + k, lane]
+
+
+@njit(cache=True, fastmath=EXACT)
+def largest_of(values):
+    """The largest of lanes."""
+    largest = lane_of(values, 0)
+    for k in range(1, WIDTH):
+        largest = max(largest, lane_of(values, k))
+    return largest
+
+
+@njit(cache=True, fastmath=EXACT, forceinline=True)
+def store_six(lanes, block, v0, v1, v2, v3, v4, v5):
+    """Write the six values of the spheres of a block in lanes."""
+    at = 6 * WIDTH * block
+    store(lanes, at, v0)
+    store(lanes, at + WIDTH, v1)
+    store(lanes, at + 2 * WIDTH, v2)
+    store(lanes, at + 3 * WIDTH, v3)
+    store(lanes, at + 4 * WIDTH, v4)
+    store(lanes, at + 5 * WIDTH, v5)
 
 
 @njit(cache=True, fastmath=EXACT)
 def total_of(values):
     """Sum of lanes."""
-    return ((lane(values, 0) + lane(values, 1)) + (lane(values, 2) + lane(values, 3))) + (
-        (lane(values, 4) + lane(values, 5)) + (lane(values, 6) + lane(values, 7))
+    return ((lane_of(values, 0) + lane_of(values, 1)) + (lane_of(values, 2) + lane_of(values, 3))) + (
+        (lane_of(values, 4) + lane_of(values, 5)) + (lane_of(values, 6) + lane_of(values, 7))
     )
 
 
@@ -559,13 +671,7 @@ def leapfrog_step(old, new, v, f, pushed, blocks, twist, dt, damping):
         v5 = fma(per_inertia, f5, keep * row(v, b + 5))
         twice_kinetic = fma(mass, dot(v0, v1, v2, v0, v1, v2), twice_kinetic)
         twice_kinetic = fma(inertia, dot(v3, v4, v5, v3, v4, v5), twice_kinetic)
-        b = WIDTH * b
-        store(v, b, v0)
-        store(v, b + WIDTH, v1)
-        store(v, b + 2 * WIDTH, v2)
-        store(v, b + 3 * WIDTH, v3)
-        store(v, b + 4 * WIDTH, v4)
-        store(v, b + 5 * WIDTH, v5)
+        store_six(v, block, v0, v1, v2, v3, v4, v5)
         store_block(
             new,
             WIDTH * WIDTH * block,
@@ -1019,19 +1125,22 @@ def solve_increment(
 #                       candidates; the first `within` of them lie in one plate, the rest join wheel to axle
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def turned(q, i, x, y, z):
+@njit(cache=True, fastmath=EXACT, error_model="numpy", forceinline=True)
+def cross(ax, ay, az, bx, by, bz):
+    """a x b of two vectors of numbers or of lanes."""
+    return fma(ay, bz, -(az * by)), fma(az, bx, -(ax * bz)), fma(ax, by, -(ay * bx))
+
+
+@njit(cache=True, fastmath=EXACT, error_model="numpy", forceinline=True)
+def turned(q, x, y, z):
     """The vector (x, y, z) turned by a unit quaternion: e + 2 w (v x e) + 2 v x (v x e)."""
-    cx, cy, cz = 2.0 * (q[i, 2] * z - q[i, 3] * y), 2.0 * (q[i, 3] * x - q[i, 1] * z), 2.0 * (q[i, 1] * y - q[i, 2] * x)
-    return (
-        x + q[i, 0] * cx + q[i, 2] * cz - q[i, 3] * cy,
-        y + q[i, 0] * cy + q[i, 3] * cx - q[i, 1] * cz,
-        z + q[i, 0] * cz + q[i, 1] * cy - q[i, 2] * cx,
-    )
+    cx, cy, cz = cross(q[1], q[2], q[3], x, y, z)
+    dx, dy, dz = cross(q[1], q[2], q[3], cx, cy, cz)
+    return fma(2.0 * q[0], cx, x + 2.0 * dx), fma(2.0 * q[0], cy, y + 2.0 * dy), fma(2.0 * q[0], cz, z + 2.0 * dz)
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy", forceinline=True)
-def beam_large(ex, ey, ez, per_length, axial, bending, twist, u, q, i, j):
+@njit(cache=True, fastmath=EXACT, error_model="numpy", forceinline=True)
+def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     """The beam at any rotation: the gradient of an energy that no rigid motion changes, so its moments balance.
 
     X is the unit vector from i to j now, L their distance, a_k the rest axis e as sphere k has carried it, Q = (w, v)
@@ -1045,50 +1154,53 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, u, q, i, j):
 
     T_i + T_j + L X x F_j = 0. For small rotations it is `beam`; the angles appear by their sines (2 sin(p/2) for the
     twist), never by acos, and elongations below the rounding of L are kept.
-    Node i has row i of u and of q. After Andre et al. 2012, made independent of the frame.
+    ui (3) and uj are displacements, qi (4) and qj quaternions, of numbers or of lanes. After Andre et al. 2012, made
+    independent of the frame.
 
     Returns X (3), normal force EA/l (L - l), shear force on i (3), T_i (3), T_j (3) and what breaks the beam: square
     of the larger bending moment, torsion moment; at last U.
     """
     length = 1.0 / per_length
-    dx, dy, dz = u[j, 0] - u[i, 0], u[j, 1] - u[i, 1], u[j, 2] - u[i, 2]
-    x, y, z = length * ex + dx, length * ey + dy, length * ez + dz
-    distance = np.sqrt(x * x + y * y + z * z)
-    longer = (2.0 * length * (dx * ex + dy * ey + dz * ez) + dx * dx + dy * dy + dz * dz) / (distance + length)
+    dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
+    x, y, z = fma(length, ex, dx), fma(length, ey, dy), fma(length, ez, dz)
+    distance = root(dot(x, y, z, x, y, z))
+    longer = fma(2.0 * length, dot(dx, dy, dz, ex, ey, ez), dot(dx, dy, dz, dx, dy, dz)) / (distance + length)
     per_distance = 1.0 / distance
     x, y, z = per_distance * x, per_distance * y, per_distance * z
-    ix, iy, iz = turned(q, i, ex, ey, ez)
-    jx, jy, jz = turned(q, j, ex, ey, ez)
-    cx, cy, cz = iy * jz - iz * jy, iz * jx - ix * jz, ix * jy - iy * jx
-    gx, gy, gz = y * iz - z * iy, z * ix - x * iz, x * iy - y * ix
-    hx, hy, hz = y * jz - z * jy, z * jx - x * jz, x * jy - y * jx
+    ix, iy, iz = turned(qi, ex, ey, ez)
+    jx, jy, jz = turned(qj, ex, ey, ez)
+    cx, cy, cz = cross(ix, iy, iz, jx, jy, jz)
+    gx, gy, gz = cross(x, y, z, ix, iy, iz)
+    hx, hy, hz = cross(x, y, z, jx, jy, jz)
     px, py, pz = gx + hx, gy + hy, gz + hz
-    pull = 3.0 * bending * (x * (ix + jx) + y * (iy + jy) + z * (iz + jz))
+    pull = 3.0 * bending * dot(x, y, z, ix + jx, iy + jy, iz + jz)
     two = 2.0 * bending
-    ax, ay, az = -two * cx - pull * gx, -two * cy - pull * gy, -two * cz - pull * gz
-    bx, by, bz = two * cx - pull * hx, two * cy - pull * hy, two * cz - pull * hz
-    moment = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz)
-    w = q[j, 0] * q[i, 0] + q[j, 1] * q[i, 1] + q[j, 2] * q[i, 2] + q[j, 3] * q[i, 3]
-    vx = q[i, 0] * q[j, 1] - q[j, 0] * q[i, 1] - (q[j, 2] * q[i, 3] - q[j, 3] * q[i, 2])
-    vy = q[i, 0] * q[j, 2] - q[j, 0] * q[i, 2] - (q[j, 3] * q[i, 1] - q[j, 1] * q[i, 3])
-    vz = q[i, 0] * q[j, 3] - q[j, 0] * q[i, 3] - (q[j, 1] * q[i, 2] - q[j, 2] * q[i, 1])
-    if w < 0.0:
-        w, vx, vy, vz = -w, -vx, -vy, -vz
-    half = vx * x + vy * y + vz * z
+    ax, ay, az = -fma(pull, gx, two * cx), -fma(pull, gy, two * cy), -fma(pull, gz, two * cz)
+    bx, by, bz = fma(two, cx, -(pull * hx)), fma(two, cy, -(pull * hy)), fma(two, cz, -(pull * hz))
+    moment = larger(dot(ax, ay, az, ax, ay, az), dot(bx, by, bz, bx, by, bz))
+    w = fma(qj[0], qi[0], dot(qj[1], qj[2], qj[3], qi[1], qi[2], qi[3]))
+    vx, vy, vz = cross(qi[1], qi[2], qi[3], qj[1], qj[2], qj[3])
+    vx, vy, vz = fma(qi[0], qj[1], vx), fma(qi[0], qj[2], vy), fma(qi[0], qj[3], vz)
+    vx, vy, vz = fma(-qj[0], qi[1], vx), fma(-qj[0], qi[2], vy), fma(-qj[0], qi[3], vz)
+    sign = sign_of(w)
+    w, vx, vy, vz = sign * w, sign * vx, sign * vy, sign * vz
+    half = dot(vx, vy, vz, x, y, z)
     torsion = 2.0 * bending * (1.0 + twist) * half
-    mx, my, mz = vy * z - vz * y, vz * x - vx * z, vx * y - vy * x
-    ax, ay, az = ax + torsion * (w * x - mx), ay + torsion * (w * y - my), az + torsion * (w * z - mz)
-    bx, by, bz = bx - torsion * (w * x + mx), by - torsion * (w * y + my), bz - torsion * (w * z + mz)
+    mx, my, mz = cross(vx, vy, vz, x, y, z)
+    ax, ay, az = fma(torsion, fma(w, x, -mx), ax), fma(torsion, fma(w, y, -my), ay), fma(torsion, fma(w, z, -mz), az)
+    bx, by, bz = fma(-torsion, fma(w, x, mx), bx), fma(-torsion, fma(w, y, my), by), fma(-torsion, fma(w, z, mz), bz)
     pull, two = per_distance * pull, 2.0 * per_distance * torsion
-    sx = pull * (y * pz - z * py) + two * (vx - half * x)
-    sy = pull * (z * px - x * pz) + two * (vy - half * y)
-    sz = pull * (x * py - y * px) + two * (vz - half * z)
-    bent = (jx - ix) ** 2 + (jy - iy) ** 2 + (jz - iz) ** 2 + 3.0 * (px * px + py * py + pz * pz)
-    energy = 0.5 * (axial * longer * longer + bending * bent) + torsion * half
+    sx, sy, sz = cross(x, y, z, px, py, pz)
+    sx = fma(pull, sx, two * fma(-half, x, vx))
+    sy = fma(pull, sy, two * fma(-half, y, vy))
+    sz = fma(pull, sz, two * fma(-half, z, vz))
+    ox, oy, oz = jx - ix, jy - iy, jz - iz
+    bent = fma(3.0, dot(px, py, pz, px, py, pz), dot(ox, oy, oz, ox, oy, oz))
+    energy = fma(0.5, fma(axial * longer, longer, bending * bent), torsion * half)
     return x, y, z, axial * longer, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def stress_ratio(normal, shear_square, moment_square, torsion, section):
     """Stresses of a beam over its strengths (2): (N/S + r M_b/I)/tensile and (4/3 V/S + r |M_t|/I_o)/shear [-].
 
@@ -1099,135 +1211,195 @@ def stress_ratio(normal, shear_square, moment_square, torsion, section):
     return tensile / section[2], shear / section[3]
 
 
-@njit(cache=True, fastmath=FAST)
-def give_up(u, v, q, beams, section, twist, i, j, k, dt):
-    """Mode in which beam k breaks and the energy it gives up [N mm], less that of a compression, which goes on.
+@njit(cache=True, fastmath=EXACT, error_model="numpy", forceinline=True)
+def excess(normal, square, moment, torsion, per_area, per_modulus, tensile, shear):
+    """Not negative where a beam breaks; numbers or lanes, without a square root.
 
-    U + dt/2 (v-.F), its energy half a step ago: what leapfrog, which keeps sum of m v-.v+ / 2 + U, then misses.
+    Of (N/S + r M_b/I) against the tensile strength and (4/3 V/S + r |M_t|/I_o) against the shear strength, given the
+    squares of V and of M_b; I_o = 2 I, and 4/3 V/S is the shear stress of a round section on its neutral axis.
     """
-    b, vi, vj = beams[k], v[i], v[j]
-    x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
-        b[0], b[1], b[2], b[3], b[4], b[5], twist, u, q, i, j
-    )
-    tensile, shear = stress_ratio(normal, sx * sx + sy * sy + sz * sz, moment, torsion, section[k])
-    kept = min(normal, 0.0)
-    lost = normal - kept
-    rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
-    rate += (vi[1] - vj[1]) * (lost * y + sy) + vi[4] * ay + vj[4] * by
-    rate += (vi[2] - vj[2]) * (lost * z + sz) + vi[5] * az + vj[5] * bz
-    return 1 if tensile >= shear else 2, energy - 0.5 * kept * kept / b[4] + 0.5 * dt * rate
+    room = tensile - per_area * normal
+    left = shear - 0.5 * per_modulus * larger(torsion, -torsion)
+    bent, sheared = per_modulus * per_modulus * moment, 16.0 / 9.0 * per_area * per_area * square
+    return larger(larger(-room, fma(-room, room, bent)), larger(-left, fma(-left, left, sheared)))
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def leapfrog_step_large(
-    u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
-    reaction, broken, released, sums,
-):  # fmt: skip
-    """As `move`, co-rotational: beams that reach their strength break; returns how many did.
+@njit(cache=True, fastmath=EXACT, error_model="numpy")
+def bond_forces_large(lines, g, blocks, beams, section, beyond, twist):
+    """Forces and moments of all beams on the spheres, in lanes g; whether any is too much, and their energy [N mm].
 
-    Quaternions turn by q+ = (1, dt w/2) q, normalised: the Cayley form of the rotation, exact to third order.
-    A beam that breaks acts no more in this step, except for a compression, which a contact takes over.
-    broken, released: numbers of the beams and the energy each gave up [N mm]. reaction (grips, 6): the forces and
-    moments that the grips exert are added. sums (6,) receives sum of m v-.v+ [N mm], work lost in damping in the half
-    step before and after, work of the grips in each half step [N mm], elastic energy, the fastest sphere [mm/s].
+    lines (lines, 8): displacement (3) and quaternion (4). beyond (blocks,) tells where a beam is beyond its strength.
     """
-    anchor_forces(u, f, anchored, anchors)
-    keep = (1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt)
-    push = dt / (1.0 + 0.5 * damping * dt)
-    kinetic, before, after, work, elastic, fastest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    count = 0
-    for i in range(len(rows) - 1):
-        f0, f1, f2, f3, f4, f5 = f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5]
-        for k in range(rows[i], rows[i + 1]):
-            if mode[k] != 0:
-                continue
-            j = cols[k]
-            x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
-                beams[k, AXIS_X],
-                beams[k, AXIS_Y],
-                beams[k, AXIS_Z],
-                beams[k, PER_LENGTH],
-                beams[k, AXIAL],
-                beams[k, BENDING],
+    energy = spread(0.0)
+    any_beyond = False
+    for block in range(len(blocks.start) - 1):
+        x, y, z, q0, q1, q2, q3, _ = load_block(lines, WIDTH * WIDTH * block)
+        f0, f1, f2, f3, f4, f5 = spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+        most = spread(-1.0)
+        for k in range(blocks.start[block], blocks.start[block + 1]):
+            b, c = 6 * k, 4 * k
+            xj, yj, zj, p0, p1, p2, p3, _ = load_lines(lines, blocks.others, WIDTH * k)
+            nx, ny, nz, normal, sx, sy, sz, ax, ay, az, _, _, _, moment, torsion, one = beam_large(
+                row(beams, b + AXIS_X),
+                row(beams, b + AXIS_Y),
+                row(beams, b + AXIS_Z),
+                row(beams, b + PER_LENGTH),
+                row(beams, b + AXIAL),
+                row(beams, b + BENDING),
                 twist,
-                u,
-                q,
-                i,
-                j,
+                (x, y, z),
+                (xj, yj, zj),
+                (q0, q1, q2, q3),
+                (p0, p1, p2, p3),
             )
-            square = sx * sx + sy * sy + sz * sz
-            room = section[k, TENSILE_STRENGTH] - section[k, PER_AREA] * normal
-            left = section[k, SHEAR_STRENGTH] - 0.5 * section[k, PER_MODULUS] * abs(torsion)
-            if (
-                room <= 0.0 or left <= 0.0 or section[k, PER_MODULUS] * section[k, PER_MODULUS] * moment > room * room
-                or 16.0 / 9.0 * section[k, PER_AREA] * section[k, PER_AREA] * square > left * left
-            ):  # fmt: skip
-                mode[k], released[count] = give_up(u, v, q, beams, section, twist, i, j, k, dt)
-                broken[count] = k
-                count += 1
+            over = excess(
+                normal,
+                dot(sx, sy, sz, sx, sy, sz),
+                moment,
+                torsion,
+                row(section, c + PER_AREA),
+                row(section, c + PER_MODULUS),
+                row(section, c + TENSILE_STRENGTH),
+                row(section, c + SHEAR_STRENGTH),
+            )
+            most, energy = larger(over, most), fma(0.5, one, energy)
+            f0, f1, f2 = f0 + fma(normal, nx, sx), f1 + fma(normal, ny, sy), f2 + fma(normal, nz, sz)
+            f3, f4, f5 = f3 + ax, f4 + ay, f5 + az
+        store_six(g, block, f0, f1, f2, f3, f4, f5)
+        beyond[block] = largest_of(most) >= 0.0
+        any_beyond = any_beyond or beyond[block]
+    return any_beyond, total_of(energy)
+
+
+@njit(cache=True, fastmath=EXACT, error_model="numpy")
+def break_beams(lines, v, f, pushed, blocks, beams, section, beyond, twist, dt, mode, broken, released):
+    """Break the beams beyond their strength in the blocks where there are some; returns how many did.
+
+    A beam that breaks loses its stiffness, except for a compression, which is left in this step: then a contact takes
+    over. mode, broken, released: of all beams, numbers of those that broke and what each gave up [N mm],
+    U + dt/2 (v-.F) less that of the compression. With U its energy and v-.F half a step ago it is what leapfrog, which
+    keeps sum of m v-.v+ / 2 + U, then misses.
+    """
+    count = 0
+    for block in np.flatnonzero(beyond):
+        for k in range(blocks.start[block], blocks.start[block + 1]):
+            for lane in range(WIDTH):
+                bond, i, j = blocks.bond[k, lane], WIDTH * block + lane, blocks.others[k, lane] // WIDTH
+                if bond < 0 or mode[bond] != 0:
+                    continue
+                b, s, ui, uj = beams[k, :, lane], section[k, :, lane], lines[i], lines[j]
+                x, y, z, normal, sx, sy, sz, ax, ay, az, bx, by, bz, moment, torsion, energy = beam_large(
+                    b[0], b[1], b[2], b[3], b[4], b[5], twist, ui, uj, ui[3:], uj[3:]
+                )
+                square = dot(sx, sy, sz, sx, sy, sz)
+                if excess(normal, square, moment, torsion, s[0], s[1], s[2], s[3]) < 0.0:
+                    continue
+                tensile, shear = stress_ratio(normal, square, moment, torsion, s)
                 kept = min(normal, 0.0)
-                f0, f1, f2 = f0 + kept * x, f1 + kept * y, f2 + kept * z
+                lost = normal - kept
+                vi, vj = v[6 * block : 6 * block + 6, lane], v[6 * (j // WIDTH) : 6 * (j // WIDTH) + 6, j % WIDTH]
+                rate = (vi[0] - vj[0]) * (lost * x + sx) + vi[3] * ax + vj[3] * bx
+                rate += (vi[1] - vj[1]) * (lost * y + sy) + vi[4] * ay + vj[4] * by
+                rate += (vi[2] - vj[2]) * (lost * z + sz) + vi[5] * az + vj[5] * bz
+                mode[bond] = 1 if tensile >= shear else 2
+                broken[count] = bond
+                released[count] = energy - (0.5 * kept * kept / b[AXIAL] if kept < 0.0 else 0.0) + 0.5 * dt * rate
+                count += 1
+                pushed[block], pushed[j // WIDTH] = True, True
+                f[i, 0], f[i, 1], f[i, 2] = f[i, 0] + kept * x, f[i, 1] + kept * y, f[i, 2] + kept * z
                 f[j, 0], f[j, 1], f[j, 2] = f[j, 0] - kept * x, f[j, 1] - kept * y, f[j, 2] - kept * z
-                continue
-            elastic += energy
-            fx, fy, fz = normal * x + sx, normal * y + sy, normal * z + sz
-            f0 += fx
-            f1 += fy
-            f2 += fz
-            f3 += ax
-            f4 += ay
-            f5 += az
-            f[j, 0] -= fx
-            f[j, 1] -= fy
-            f[j, 2] -= fz
-            f[j, 3] += bx
-            f[j, 4] += by
-            f[j, 5] += bz
-        w0, w1, w2, w3, w4, w5 = v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5]
-        v0, v1, v2, v3, v4, v5 = w0, w1, w2, w3, w4, w5
-        if grip[i] == 0:
-            per_mass, per_inertia = push * inverse[i, PER_MASS], push * inverse[i, PER_INERTIA]
-            v0, v1, v2 = keep * w0 + per_mass * f0, keep * w1 + per_mass * f1, keep * w2 + per_mass * f2
-            v3, v4, v5 = keep * w3 + per_inertia * f3, keep * w4 + per_inertia * f4, keep * w5 + per_inertia * f5
-            v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = v0, v1, v2, v3, v4, v5
-            m, inertia = 1.0 / inverse[i, PER_MASS], 1.0 / inverse[i, PER_INERTIA]
-            old = m * (w0 * w0 + w1 * w1 + w2 * w2) + inertia * (w3 * w3 + w4 * w4 + w5 * w5)
-            new = m * (v0 * v0 + v1 * v1 + v2 * v2) + inertia * (v3 * v3 + v4 * v4 + v5 * v5)
-            mixed = m * (w0 * v0 + w1 * v1 + w2 * v2) + inertia * (w3 * v3 + w4 * v4 + w5 * v5)
-            kinetic += mixed
-            before += old + mixed
-            after += new + mixed
-        else:
-            r = reaction[grip[i] - 1]
-            r[0] -= f0
-            r[1] -= f1
-            r[2] -= f2
-            r[3] -= f3
-            r[4] -= f4
-            r[5] -= f5
-            work -= f0 * v0 + f1 * v1 + f2 * v2 + f3 * v3 + f4 * v4 + f5 * v5
-        fastest = max(fastest, v0 * v0 + v1 * v1 + v2 * v2)
-        u[i, 0] += dt * v0
-        u[i, 1] += dt * v1
-        u[i, 2] += dt * v2
-        u[i, 3] += dt * v3
-        u[i, 4] += dt * v4
-        u[i, 5] += dt * v5
-        half = 0.5 * dt
-        x, y, z, q0, q1, q2, q3 = half * v3, half * v4, half * v5, q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        p0 = q0 - x * q1 - y * q2 - z * q3
-        p1 = q1 + x * q0 + y * q3 - z * q2
-        p2 = q2 + y * q0 + z * q1 - x * q3
-        p3 = q3 + z * q0 + x * q2 - y * q1
-        scale = 1.0 / np.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
-        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = scale * p0, scale * p1, scale * p2, scale * p3
-        f[i, 0], f[i, 1], f[i, 2], f[i, 3], f[i, 4], f[i, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    sums[0], sums[1], sums[2] = kinetic, 0.25 * dt * damping * before, 0.25 * dt * damping * after
-    sums[3], sums[4], sums[5] = 0.5 * dt * work, elastic, np.sqrt(fastest)
+                take_away(blocks, beams, section, bond, block)
+                take_away(blocks, beams, section, bond, j // WIDTH)
     return count
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
+def take_away(blocks, beams, section, bond, block):
+    """Leave a beam without stiffness, as seen from the spheres of a block."""
+    for k in range(blocks.start[block], blocks.start[block + 1]):
+        for lane in range(WIDTH):
+            if blocks.bond[k, lane] == bond:
+                beams[k, AXIAL, lane], beams[k, BENDING, lane] = 0.0, 0.0
+                section[k, TENSILE_STRENGTH, lane], section[k, SHEAR_STRENGTH, lane] = np.inf, np.inf
+
+
+@njit(cache=True, fastmath=EXACT, error_model="numpy")
+def move_large(lines, u, v, f, pushed, g, blocks, free, dt, damping, sums):
+    """One leapfrog step under f, left at zero, the external faces, and g, the beams, which receives the sum of all.
+
+    Quaternions turn by q+ = (1, dt w/2) q, normalised: the Cayley form of the rotation, exact to third order. What is
+    not free (blocks, 8) keeps its velocity. sums (6,) receives sum of m v-.v+ [N mm], work lost in damping in the half
+    step before and after [N mm], and at its end the fastest sphere [mm/s].
+    """
+    keep = spread((1.0 - 0.5 * damping * dt) / (1.0 + 0.5 * damping * dt))
+    push, step, half, nothing = dt / (1.0 + 0.5 * damping * dt), spread(dt), spread(0.5 * dt), spread(0.0)
+    kinetic, before, after, fastest = nothing, nothing, nothing, nothing
+    for block in range(len(blocks.start) - 1):
+        at, b = WIDTH * WIDTH * block, 6 * block
+        x, y, z, q0, q1, q2, q3, _ = load_block(lines, at)
+        ui = load_block(u, at)
+        f0, f1, f2, f3, f4, f5 = forces_before(f, pushed, block, blocks.held, blocks.anchors, ui)
+        f0, f1, f2 = f0 + row(g, b), f1 + row(g, b + 1), f2 + row(g, b + 2)
+        f3, f4, f5 = f3 + row(g, b + 3), f4 + row(g, b + 4), f5 + row(g, b + 5)
+        store_six(g, block, f0, f1, f2, f3, f4, f5)
+        w0, w1, w2, w3, w4, w5 = row(v, b), row(v, b + 1), row(v, b + 2), row(v, b + 3), row(v, b + 4), row(v, b + 5)
+        mass, inertia, loose = row(blocks.mass, 2 * block), row(blocks.mass, 2 * block + 1), row(free, block)
+        per_mass, per_inertia = push / mass, push / inertia
+        v0 = either(loose, fma(per_mass, f0, keep * w0), w0)
+        v1 = either(loose, fma(per_mass, f1, keep * w1), w1)
+        v2 = either(loose, fma(per_mass, f2, keep * w2), w2)
+        v3 = either(loose, fma(per_inertia, f3, keep * w3), w3)
+        v4 = either(loose, fma(per_inertia, f4, keep * w4), w4)
+        v5 = either(loose, fma(per_inertia, f5, keep * w5), w5)
+        store_six(v, block, v0, v1, v2, v3, v4, v5)
+        square = dot(v0, v1, v2, v0, v1, v2)
+        mass, inertia = loose * mass, loose * inertia
+        mixed = fma(mass, dot(w0, w1, w2, v0, v1, v2), inertia * dot(w3, w4, w5, v3, v4, v5))
+        before = before + mixed + fma(mass, dot(w0, w1, w2, w0, w1, w2), inertia * dot(w3, w4, w5, w3, w4, w5))
+        after = after + mixed + fma(mass, square, inertia * dot(v3, v4, v5, v3, v4, v5))
+        kinetic, fastest = kinetic + mixed, larger(square, fastest)
+        x, y, z = fma(step, v0, x), fma(step, v1, y), fma(step, v2, z)
+        t0, t1, t2 = fma(step, v3, ui[3]), fma(step, v4, ui[4]), fma(step, v5, ui[5])
+        store_block(u, at, (x, y, z, t0, t1, t2, nothing, nothing))
+        r0, r1, r2 = half * v3, half * v4, half * v5
+        cx, cy, cz = cross(r0, r1, r2, q1, q2, q3)
+        p0 = q0 - dot(r0, r1, r2, q1, q2, q3)
+        p1, p2, p3 = q1 + fma(r0, q0, cx), q2 + fma(r1, q0, cy), q3 + fma(r2, q0, cz)
+        scale = 1.0 / root(fma(p0, p0, dot(p1, p2, p3, p1, p2, p3)))
+        store_block(lines, at, (x, y, z, scale * p0, scale * p1, scale * p2, scale * p3, nothing))
+    sums[0] = total_of(kinetic)
+    sums[1], sums[2] = 0.25 * dt * damping * total_of(before), 0.25 * dt * damping * total_of(after)
+    sums[5] = np.sqrt(largest_of(fastest))
+
+
+@njit(cache=True, fastmath=EXACT, error_model="numpy")
+def leapfrog_step_large(
+    lines, u, v, f, pushed, g, blocks, beams, section, beyond, mode, twist, grip, free, gripped, dt, damping,
+    reaction, broken, released, sums,
+):  # fmt: skip
+    """As `leapfrog_step`, co-rotational: beams that reach their strength break; returns how many did.
+
+    reaction (grips, 6): the forces and moments that the grips exert are added. sums (6,) as in `move_large`, and in
+    between the work of the grips in each half step and the elastic energy of the beams [N mm].
+    """
+    count = 0
+    any_beyond, elastic = bond_forces_large(lines, g, blocks, beams, section, beyond, twist)
+    if any_beyond:
+        count = break_beams(lines, v, f, pushed, blocks, beams, section, beyond, twist, dt, mode, broken, released)
+        _, elastic = bond_forces_large(lines, g, blocks, beams, section, beyond, twist)
+    move_large(lines, u, v, f, pushed, g, blocks, free, dt, damping, sums)
+    work = 0.0
+    for i in gripped:
+        line = blocks.place[i]
+        for k in range(6):
+            force = g[6 * (line // WIDTH) + k, line % WIDTH]
+            reaction[grip[i] - 1, k] -= force
+            work -= force * v[6 * (line // WIDTH) + k, line % WIDTH]
+    sums[3], sums[4] = 0.5 * dt * work, elastic
+    return count
+
+
+@njit(cache=True, fastmath=EXACT)
 def contact_energy(u, live, pair, offset, parameters, history, ox, oy, oz):
     """Elastic energy f_n^2/(2 k_n) + f_t^2/(2 k_t) of the live candidates after `contact_forces` [N mm]."""
     total = 0.0
@@ -1247,26 +1419,29 @@ def contact_energy(u, live, pair, offset, parameters, history, ox, oy, oz):
     return total
 
 
-@njit(cache=True, fastmath=FAST)
-def anchor_energy(u, anchored, anchors):
-    """Elastic energy of the external faces [N mm]."""
+@njit(cache=True, fastmath=EXACT)
+def anchor_energy(u, held, anchors):
+    """Elastic energy of the external faces [N mm], u in lines."""
     total = 0.0
-    for a in range(len(anchored)):
-        w, s = u[anchored[a]], anchors[a]
-        total += s[0] * w[2] * w[2] + s[1] * (w[0] * w[0] + w[1] * w[1]) + 2.0 * s[2] * (w[0] * w[4] - w[1] * w[3])
-        total += s[3] * (w[3] * w[3] + w[4] * w[4]) + s[4] * w[5] * w[5]
+    for block in range(len(held)):
+        for lane in range(WIDTH if held[block] >= 0 else 0):
+            w, s = u[WIDTH * block + lane], anchors[held[block], :, lane]
+            total += s[0] * w[2] * w[2] + s[1] * (w[0] * w[0] + w[1] * w[1]) + 2.0 * s[2] * (w[0] * w[4] - w[1] * w[3])
+            total += s[3] * (w[3] * w[3] + w[4] * w[4]) + s[4] * w[5] * w[5]
     return 0.5 * total
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=EXACT, error_model="numpy")
 def run_leapfrog_large(
-    u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
+    u, v, q, blocks, beams, section, mode, twist, grip, dt, damping,
     first, last, pair, offset, parameters, history, micro_friction, window, live,
     detached, near_pair, near_offset, near_parameters, near_history, near_live, within, room,
     drive, speed, target, carriage, steps, reaction, broken, released, carry, total,
 ):  # fmt: skip
     """As `run_leapfrog`, co-rotational and with breakage.
 
+    u, v (n, 6), q (n, 4), grip and detached (n,) are in the order of the spheres, pairs hold places in `blocks`. beams
+    (rows, 6, 8) and section (rows, 4, 8) are seen from both ends, as in `blocks`; those of a broken beam are changed.
     Returns the steps done, the number of beams that broke in the last of them and what is left of `room` [mm]. It
     stops early after a step in which a beam broke, and when two spheres may have come closer by `room`, so that the
     caller can renew the pairs near detached spheres. Candidates of detached spheres are left to those pairs.
@@ -1275,6 +1450,18 @@ def run_leapfrog_large(
     the energy released [N mm]. carry (5,): force on the wheel in the last step (3), and what damping took and the grips
     gave in the half step since: the works are trapezoids, the account is of second order.
     """
+    size = len(blocks.start) - 1
+    at, lines = lines_of(u, blocks.place, WIDTH * size), lines_of(u[:, :3], blocks.place, WIDTH * size)
+    f, loose = zeros_in_lines(WIDTH * size), np.zeros(WIDTH * size, np.bool_)
+    rates, g, free = lanes_of(v, blocks.place, WIDTH * size), zeros_in_lines(6 * size), zeros_in_lines(size)
+    pushed, beyond = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
+    lines[:, 3] = 1.0
+    for i in range(len(q)):
+        line = blocks.place[i]
+        lines[line, 3], lines[line, 4], lines[line, 5], lines[line, 6] = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        free[line // WIDTH, line % WIDTH] = 1.0 if grip[i] == 0 else 0.0
+        loose[line] = detached[i]
+    gripped = np.flatnonzero(grip)
     sums = np.zeros(4)
     moved = np.zeros(6)
     done, count, faces = 0, 0, 0.0
@@ -1290,15 +1477,14 @@ def run_leapfrog_large(
         a = 0
         while a < window[1]:
             p = live[a]
-            if last[p] < drive[0] or detached[pair[p, WHEEL]] or detached[pair[p, AXLE]]:
+            if last[p] < drive[0] or loose[pair[p, WHEEL]] or loose[pair[p, AXLE]]:
                 window[1] -= 1
                 live[a] = live[window[1]]
             else:
                 a += 1
         sums[:] = 0.0
         contact_forces(
-            u,
-            f,
+            at, f, pushed,
             near_live[:within],
             near_pair,
             near_offset,
@@ -1312,12 +1498,11 @@ def run_leapfrog_large(
         )
         sums[0], sums[1], sums[2] = 0.0, 0.0, 0.0
         contact_forces(
-            u, f, near_live[within:], near_pair, near_offset, near_parameters, near_history, micro_friction,
+            at, f, pushed, near_live[within:], near_pair, near_offset, near_parameters, near_history, micro_friction,
             drive[0], drive[1], drive[2], sums,
         )  # fmt: skip
         contact_forces(
-            u,
-            f,
+            at, f, pushed,
             live[: window[1]],
             pair,
             offset,
@@ -1330,13 +1515,11 @@ def run_leapfrog_large(
             sums,
         )
         if done == steps:
-            faces = anchor_energy(u, anchored, anchors)
+            faces = anchor_energy(at, blocks.held, blocks.anchors)
             total[8] = (
-                contact_energy(
-                    u, near_live[:within], near_pair, near_offset, near_parameters, near_history, 0.0, 0.0, 0.0
+                contact_energy(at, near_live[:within], near_pair, near_offset, near_parameters, near_history, 0.0, 0.0, 0.0
                 )
-                + contact_energy(
-                    u,
+                + contact_energy(at,
                     near_live[within:],
                     near_pair,
                     near_offset,
@@ -1346,7 +1529,7 @@ def run_leapfrog_large(
                     drive[1],
                     drive[2],
                 )
-                + contact_energy(u, live[: window[1]], pair, offset, parameters, history, drive[0], drive[1], drive[2])
+                + contact_energy(at, live[: window[1]], pair, offset, parameters, history, drive[0], drive[1], drive[2])
             )
         total[5] += carry[4]
         for a in range(3):
@@ -1359,8 +1542,8 @@ def run_leapfrog_large(
         total[2] += sums[2]
         total[3] += sums[3]
         count = leapfrog_step_large(
-            u, v, f, q, rows, cols, beams, mode, section, anchored, anchors, twist, inverse, grip, dt, damping,
-            reaction, broken, released, moved,
+            lines, at, rates, f, pushed, g, blocks, beams, section, beyond, mode, twist, grip, free, gripped,
+            dt, damping, reaction, broken, released, moved,
         )  # fmt: skip
         total[4] += carry[3] + moved[1]
         total[5] += moved[3]
@@ -1370,6 +1553,9 @@ def run_leapfrog_large(
             total[9] += released[k]
         path = abs(speed[0]) + abs(speed[1]) + abs(speed[2])
         room -= dt * (2.0 * moved[5] + path)
+    take_lines(at, blocks.place, u)
+    take_lines(lines[:, 3:], blocks.place, q)
+    take_lanes(rates, blocks.place, v)
     total[7] = faces + moved[4]
     return done, count, room
 

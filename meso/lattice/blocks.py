@@ -42,6 +42,11 @@ class Blocks(NamedTuple):
     anchors: FloatArray
     """What holds them: the columns of `Lattice.anchors`, shape (m, 5, 8)."""
 
+    def from_both_ends(self, values: FloatArray, none: tuple[float, ...]) -> FloatArray:
+        """Values (bonds, k) of the beams from both ends, and (k,) where there is none, shape (rows, k, 8)."""
+        spread = np.where((self.bond >= 0)[:, :, None], values[self.bond], np.array(none))
+        return in_lines(spread.transpose(0, 2, 1))
+
 
 def arranged(
     first: IntArray, cols: IntArray, beams: FloatArray, inverse: FloatArray, anchored: IntArray, anchors: FloatArray
@@ -67,32 +72,33 @@ def arranged(
     others[row, lane] = WIDTH * there
     bond = np.full((start[-1], WIDTH), -1)
     bond[row, lane] = number
-    arranged_beams = _in_lines((start[-1], 6, WIDTH))
-    arranged_beams[:, [kernels.AXIS_X, kernels.PER_LENGTH]] = 1.0  # of what is none: no division by zero
-    arranged_beams[row, :, lane] = beams[number]
-    arranged_beams[row, : kernels.PER_LENGTH, lane] *= np.where(sort < bonds, 1.0, -1.0)[:, None]
+    seen = np.zeros((start[-1], 6, WIDTH))
+    seen[:, [kernels.AXIS_X, kernels.PER_LENGTH]] = 1.0  # of what is none: no division by zero
+    seen[row, :, lane] = beams[number]
+    seen[row, : kernels.PER_LENGTH, lane] *= np.where(sort < bonds, 1.0, -1.0)[:, None]
     mass = np.ones((count, 2, WIDTH))
     mass[place // WIDTH, :, place % WIDTH] = 1.0 / inverse
     holding = np.unique(place[anchored] // WIDTH)
     held = np.full(count, -1)
     held[holding] = np.arange(len(holding))
-    arranged_anchors = _in_lines((len(holding), 5, WIDTH))
-    arranged_anchors[held[place[anchored] // WIDTH], :, place[anchored] % WIDTH] = anchors
+    held_by = np.zeros((len(holding), 5, WIDTH))
+    held_by[held[place[anchored] // WIDTH], :, place[anchored] % WIDTH] = anchors
     return Blocks(
         place=place,
         start=start,
         others=others.astype(np.uint32),
-        beams=arranged_beams,
+        beams=in_lines(seen),
         bond=bond,
         mass=mass,
         held=held,
-        anchors=arranged_anchors,
+        anchors=held_by,
     )
 
 
-def _in_lines(shape: tuple[int, ...]) -> FloatArray:
-    """Zeros that begin with a line of the processor's cache, 64 bytes."""
-    count = int(np.prod(shape))
-    memory = np.zeros(count + WIDTH)
+def in_lines(values: FloatArray) -> FloatArray:
+    """A copy that begins with a line of the processor's cache, 64 bytes."""
+    memory = np.empty(values.size + WIDTH)
     skip = -(memory.ctypes.data // 8) % WIDTH
-    return memory[skip : skip + count].reshape(shape)
+    copy: FloatArray = memory[skip : skip + values.size].reshape(values.shape)
+    copy[:] = values
+    return copy
