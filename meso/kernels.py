@@ -436,7 +436,7 @@ def anchor(kn, ks, kc, kr, kt, ui):
     )
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, fastmath=EXACT)
 def beam_forces(u, f, rows, cols, beams, anchored, anchors, twist):
     """Add the forces of all beams to f: f += -K u."""
     for a in range(len(anchored)):
