@@ -151,9 +151,7 @@ def load_block(typing, lines, at):
         rows = []
         for k in range(WIDTH):
             offset = builder.add(arguments[1], ir.Constant(arguments[1].type, WIDTH * k))
-            rows.append(
-                builder.load(place_of(context, builder, signature.args[0], arguments[0], offset), align=8)
-            )
+            rows.append(builder.load(place_of(context, builder, signature.args[0], arguments[0], offset), align=8))
         return cgutils.pack_array(builder, transposed(builder, rows), EIGHT)
 
     return types.UniTuple(LANES, WIDTH)(lines, types.intp), emit
@@ -1484,7 +1482,9 @@ def run_leapfrog_large(
                 a += 1
         sums[:] = 0.0
         contact_forces(
-            at, f, pushed,
+            at,
+            f,
+            pushed,
             near_live[:within],
             near_pair,
             near_offset,
@@ -1502,7 +1502,9 @@ def run_leapfrog_large(
             drive[0], drive[1], drive[2], sums,
         )  # fmt: skip
         contact_forces(
-            at, f, pushed,
+            at,
+            f,
+            pushed,
             live[: window[1]],
             pair,
             offset,
@@ -1517,9 +1519,11 @@ def run_leapfrog_large(
         if done == steps:
             faces = anchor_energy(at, blocks.held, blocks.anchors)
             total[8] = (
-                contact_energy(at, near_live[:within], near_pair, near_offset, near_parameters, near_history, 0.0, 0.0, 0.0
+                contact_energy(
+                    at, near_live[:within], near_pair, near_offset, near_parameters, near_history, 0.0, 0.0, 0.0
                 )
-                + contact_energy(at,
+                + contact_energy(
+                    at,
                     near_live[within:],
                     near_pair,
                     near_offset,
