@@ -19,7 +19,11 @@ history : (p, 9)      of the last state: tangential force on the wheel sphere [N
 
 from __future__ import annotations
 
+import math
 import operator
+from collections.abc import Callable, Sequence
+from inspect import signature
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -73,44 +77,44 @@ LANES = Lanes(name="Lanes")
 class LanesModel(models.PrimitiveModel):
     """Lanes are a vector of LLVM."""
 
-    def __init__(self, manager, kind):
+    def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, EIGHT)
 
 
-def place_of(context, builder, kind, array, at):
-    """Pointer to eight doubles of an array, from element `at` of its memory on."""
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [at]), EIGHT.as_pointer())
-
-
-def picked(builder, a, b, numbers):
+def picked(builder: Any, a: Any, b: Any, numbers: Sequence[int]) -> Any:
     """Lanes of a (0 to 7) and b (8 to 15) by their numbers."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT, WIDTH), numbers))
 
 
-def transposed(builder, rows):
+def transposed(builder: Any, rows: Sequence[Any]) -> Sequence[Any]:
     """The columns of eight rows, in three rounds: of pairs, fours and eights."""
-    rounds = [
-        ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
-        ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
-        ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
-    ]
-    for reach, masks in zip((1, 2, 4), rounds, strict=True):
-        turned_rows = list(rows)
-        for k in range(WIDTH):
-            if not k & reach:
-                for side, numbers in enumerate(masks):
-                    turned_rows[k + side * reach] = picked(builder, rows[k], rows[k + reach], numbers)
-        rows = turned_rows
+    rounds = {
+        1: ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
+        2: ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
+        4: ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
+    }
+    for reach, (low, high) in rounds.items():
+        merged = list(rows)
+        for k in (k for k in range(WIDTH) if not k & reach):
+            merged[k] = picked(builder, rows[k], rows[k + reach], low)
+            merged[k + reach] = picked(builder, rows[k], rows[k + reach], high)
+        rows = merged
     return rows
+
+
+def pointer(context: Any, builder: Any, kind: Any, array: Any, at: Any, line: int = 0) -> Any:
+    """Where eight doubles of an array stand, from element at + 8 line of its memory on."""
+    data = context.make_array(kind)(context, builder, array).data
+    place = builder.add(at, ir.Constant(at.type, WIDTH * line))
+    return builder.bitcast(builder.gep(data, [place]), EIGHT.as_pointer())
 
 
 @intrinsic
 def load(typing, array, at):
     """Eight doubles of an array, from element `at` of its memory on."""
 
-    def emit(context, builder, signature, arguments):
-        return builder.load(place_of(context, builder, signature.args[0], *arguments), align=8)
+    def emit(context: Any, builder: Any, called_as: Any, values: Any) -> Any:
+        return builder.load(pointer(context, builder, called_as.args[0], *values), align=8)
 
     return LANES(array, types.intp), emit
 
@@ -119,26 +123,23 @@ def load(typing, array, at):
 def store(typing, array, at, value):
     """Write eight doubles into an array, from element `at` of its memory on."""
 
-    def emit(context, builder, signature, arguments):
-        builder.store(arguments[2], place_of(context, builder, signature.args[0], *arguments[:2]), align=8)
-        return context.get_dummy_value()
+    def emit(context: Any, builder: Any, called_as: Any, values: Any) -> Any:
+        builder.store(values[2], pointer(context, builder, called_as.args[0], *values[:2]), align=8)
 
     return types.void(array, types.intp, LANES), emit
 
 
 @intrinsic
 def load_lines(typing, lines, index, at):
-    """The lines of eight spheres, whose offsets are index[at : at + 8] of the flat index: eight times lanes."""
+    """The lines of eight spheres, which begin where index[at : at + 8] of the flat index tells: eight times lanes."""
 
-    def emit(context, builder, signature, arguments):
-        lines_kind, index_kind, _ = signature.args
-        data = context.make_array(index_kind)(context, builder, arguments[1]).data
-        rows = []
-        for k in range(WIDTH):
-            offset = builder.load(builder.gep(data, [builder.add(arguments[2], ir.Constant(arguments[2].type, k))]))
-            offset = builder.zext(offset, arguments[2].type)
-            rows.append(builder.load(place_of(context, builder, lines_kind, arguments[0], offset), align=8))
-        return cgutils.pack_array(builder, transposed(builder, rows), EIGHT)
+    def emit(context: Any, builder: Any, called_as: Any, values: Any) -> Any:
+        lines, index, at = values
+        data = context.make_array(called_as.args[1])(context, builder, index).data
+        places = [builder.gep(data, [builder.add(at, ir.Constant(at.type, k))]) for k in range(WIDTH)]
+        starts = [builder.zext(builder.load(place), at.type) for place in places]
+        rows = [pointer(context, builder, called_as.args[0], lines, start) for start in starts]
+        return cgutils.pack_array(builder, transposed(builder, [builder.load(row, align=8) for row in rows]), EIGHT)
 
     return types.UniTuple(LANES, WIDTH)(lines, index, types.intp), emit
 
@@ -147,212 +148,110 @@ def load_lines(typing, lines, index, at):
 def load_block(typing, lines, at):
     """The lines of eight spheres that follow each other, from element `at` on: eight times lanes."""
 
-    def emit(context, builder, signature, arguments):
-        rows = []
-        for k in range(WIDTH):
-            offset = builder.add(arguments[1], ir.Constant(arguments[1].type, WIDTH * k))
-            rows.append(builder.load(place_of(context, builder, signature.args[0], arguments[0], offset), align=8))
-        return cgutils.pack_array(builder, transposed(builder, rows), EIGHT)
+    def emit(context: Any, builder: Any, called_as: Any, values: Any) -> Any:
+        rows = [pointer(context, builder, called_as.args[0], values[0], values[1], line) for line in range(WIDTH)]
+        return cgutils.pack_array(builder, transposed(builder, [builder.load(row, align=8) for row in rows]), EIGHT)
 
     return types.UniTuple(LANES, WIDTH)(lines, types.intp), emit
 
 
 @intrinsic
-def store_block(typing, lines, at, values):
+def store_block(typing, lines, at, columns):
     """Write the lines of eight spheres that follow each other, from element `at` on."""
 
-    def emit(context, builder, signature, arguments):
-        rows = transposed(builder, cgutils.unpack_tuple(builder, arguments[2]))
-        for k in range(WIDTH):
-            offset = builder.add(arguments[1], ir.Constant(arguments[1].type, WIDTH * k))
-            builder.store(rows[k], place_of(context, builder, signature.args[0], arguments[0], offset), align=8)
-        return context.get_dummy_value()
+    def emit(context: Any, builder: Any, called_as: Any, values: Any) -> Any:
+        for line, row in enumerate(transposed(builder, cgutils.unpack_tuple(builder, values[2]))):
+            builder.store(row, pointer(context, builder, called_as.args[0], values[0], values[1], line), align=8)
 
-    return types.void(lines, types.intp, values), emit
+    return types.void(lines, types.intp, columns), emit
 
 
-@intrinsic
-def spread(typing, number):
+def operation(kind: Any, write: Callable[..., Any]) -> Any:
+    """An operation on one to three lanes or numbers with a result of this kind; `write` (builder, a, ...) emits it."""
+
+    def written(*kinds: Any) -> Any:
+        return kind(*kinds), lambda context, builder, called_as, values: write(builder, *values)
+
+    by_count = (lambda _, a: written(a), lambda _, a, b: written(a, b), lambda _, a, b, c: written(a, b, c))
+    return intrinsic(by_count[len(signature(write).parameters) - 2])
+
+
+def called(builder: Any, name: str, *values: Any) -> Any:
+    """A function of LLVM of doubles or of lanes."""
+    kind = values[0].type
+    function = ir.FunctionType(kind, [kind] * len(values))
+    name = f"llvm.{name}.{'v8f64' if kind == EIGHT else 'f64'}"
+    return builder.call(cgutils.get_or_insert_function(builder.module, function, name), values)
+
+
+def spread_out(builder: Any, number: Any) -> Any:
     """Eight times the same number."""
-
-    def emit(context, builder, signature, arguments):
-        one = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), arguments[0], ir.Constant(INT, 0))
-        return picked(builder, one, one, [0] * WIDTH)
-
-    return LANES(types.float64), emit
+    one = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), number, ir.Constant(INT, 0))
+    return picked(builder, one, one, [0] * WIDTH)
 
 
-@intrinsic
-def lane_of(typing, values, number):
-    """One of eight numbers."""
-
-    def emit(context, builder, signature, arguments):
-        return builder.extract_element(*arguments)
-
-    return types.float64(LANES, types.intp), emit
+def chosen(builder: Any, which: Any, a: Any, b: Any) -> Any:
+    """Lanes of a where `which` is not zero, otherwise of b."""
+    return builder.select(builder.fcmp_ordered("!=", which, ir.Constant(EIGHT, [0.0] * WIDTH)), a, b)
 
 
-def arithmetic(name):
-    """An operation of LLVM on lanes."""
-
-    @intrinsic
-    def operation(typing, a, b):
-        def emit(context, builder, signature, arguments):
-            return getattr(builder, name)(*arguments)
-
-        return LANES(LANES, LANES), emit
-
-    return operation
+spread = operation(LANES, spread_out)
+lane_of = operation(types.float64, lambda builder, a, number: builder.extract_element(a, number))
+either = operation(LANES, chosen)
+fused_numbers = operation(types.float64, lambda builder, a, b, c: called(builder, "fma", a, b, c))
+fused_lanes = operation(LANES, lambda builder, a, b, c: called(builder, "fma", a, b, c))
+negative = operation(LANES, lambda builder, a: builder.fneg(a))
+roots = operation(LANES, lambda builder, a: called(builder, "sqrt", a))
+with_signs = operation(LANES, lambda builder, a, b: called(builder, "copysign", spread_out(builder, a), b))
+larger = operation(LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
 
 
-def overload_for_lanes(sign, name):
-    """Let an operator work on lanes, and on lanes and a number."""
-    operation = arithmetic(name)
-
-    @overload(sign, jit_options={"fastmath": EXACT})
-    def implementation(a, b):
-        if a is LANES and b is LANES:
-            return lambda a, b: operation(a, b)
-        if a is LANES and isinstance(b, types.Float):
-            return lambda a, b: operation(a, spread(b))
-        if isinstance(a, types.Float) and b is LANES:
-            return lambda a, b: operation(spread(a), b)
-        return None
-
-
-@intrinsic
-def fused(typing, a, b, c):
-    """a b + c of numbers or of lanes, rounded once."""
-
-    def emit(context, builder, signature, arguments):
-        kind = arguments[0].type
-        name = "llvm.fma.v8f64" if kind == EIGHT else "llvm.fma.f64"
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
-        return builder.call(function, arguments)
-
-    return a(a, a, a), emit
-
-
-def as_lanes(a):
-    """A number spread over lanes, or lanes as they are."""
-    return a
-
-
-@overload(as_lanes, jit_options={"fastmath": EXACT})
-def as_lanes_compiled(a):
-    """As `as_lanes`."""
-    return (lambda a: a) if a is LANES else (lambda a: spread(a))
-
-
-def fma(a, b, c):
-    """a b + c, rounded once where it is compiled."""
+def fma(a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once where it is compiled; a number may multiply lanes."""
     return a * b + c
 
 
 @overload(fma, jit_options={"fastmath": EXACT})
-def fma_compiled(a, b, c):
-    """As `fma`."""
-    if LANES not in (a, b, c):
-        return lambda a, b, c: fused(a, b, c)
-    return lambda a, b, c: fused(as_lanes(a), as_lanes(b), as_lanes(c))
+def _fma(a, b, c):
+    if b is not LANES:
+        return lambda a, b, c: fused_numbers(a, b, c)
+    return (lambda a, b, c: fused_lanes(a, b, c)) if a is LANES else (lambda a, b, c: fused_lanes(spread(a), b, c))
 
 
-for sign, name in {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}.items():
-    overload_for_lanes(sign, name)
+def overload_of_one(function: Any, implementation: Any) -> None:
+    """Let a function of one number take lanes."""
+
+    @overload(function, jit_options={"fastmath": EXACT})
+    def _(a):
+        return (lambda a: implementation(a)) if a is LANES else None
 
 
-@intrinsic
-def negative(typing, a):
-    """-a of lanes."""
+def overload_of_two(function: Any, implementation: Any) -> None:
+    """Let a function of two numbers take lanes, or lanes and a number."""
 
-    def emit(context, builder, signature, arguments):
-        return builder.fneg(arguments[0])
-
-    return LANES(LANES), emit
-
-
-@overload(operator.neg, jit_options={"fastmath": EXACT})
-def negative_lanes(a):
-    """-a of lanes."""
-    return (lambda a: negative(a)) if a is LANES else None
+    @overload(function, jit_options={"fastmath": EXACT})
+    def _(a, b):
+        if a is LANES and b is LANES:
+            return lambda a, b: implementation(a, b)
+        if a is LANES and isinstance(b, types.Float):
+            return lambda a, b: implementation(a, spread(b))
+        if isinstance(a, types.Float) and b is LANES:
+            return lambda a, b: implementation(spread(a), b)
+        return None
 
 
-def root(a):
-    """Square root of a number or of lanes."""
-    return np.sqrt(a)
+overload_of_one(operator.neg, negative)
+overload_of_one(np.sqrt, roots)
+overload_of_two(operator.add, operation(LANES, lambda builder, a, b: builder.fadd(a, b)))
+overload_of_two(operator.sub, operation(LANES, lambda builder, a, b: builder.fsub(a, b)))
+overload_of_two(operator.mul, operation(LANES, lambda builder, a, b: builder.fmul(a, b)))
+overload_of_two(operator.truediv, operation(LANES, lambda builder, a, b: builder.fdiv(a, b)))
+overload_of_two(max, larger)
 
 
-def larger(a, b):
-    """The larger of two numbers or lanes."""
-    return np.maximum(a, b)
-
-
-def sign_of(a):
-    """1 or -1, the sign of a number or of lanes."""
-    return np.copysign(1.0, a)
-
-
-@intrinsic
-def root_of_lanes(typing, a):
-    """Square roots of lanes."""
-
-    def emit(context, builder, signature, arguments):
-        function = ir.FunctionType(EIGHT, [EIGHT])
-        return builder.call(cgutils.get_or_insert_function(builder.module, function, "llvm.sqrt.v8f64"), arguments)
-
-    return LANES(LANES), emit
-
-
-@intrinsic
-def larger_lanes(typing, a, b):
-    """The larger of each pair."""
-
-    def emit(context, builder, signature, arguments):
-        return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
-
-    return LANES(LANES, LANES), emit
-
-
-@intrinsic
-def either(typing, chosen, a, b):
-    """a where lanes `chosen` are not zero, otherwise b."""
-
-    def emit(context, builder, signature, arguments):
-        chosen = builder.fcmp_ordered("!=", arguments[0], ir.Constant(EIGHT, [0.0] * WIDTH))
-        return builder.select(chosen, *arguments[1:])
-
-    return LANES(LANES, LANES, LANES), emit
-
-
-@intrinsic
-def signs_of_lanes(typing, a):
-    """1 or -1, the signs of lanes."""
-
-    def emit(context, builder, signature, arguments):
-        one = ir.Constant(EIGHT, [1.0] * WIDTH)
-        function = ir.FunctionType(EIGHT, [EIGHT] * 2)
-        copysign = cgutils.get_or_insert_function(builder.module, function, "llvm.copysign.v8f64")
-        return builder.call(copysign, [one, arguments[0]])
-
-    return LANES(LANES), emit
-
-
-@overload(root, jit_options={"fastmath": EXACT})
-def root_compiled(a):
-    """As `root`."""
-    return (lambda a: root_of_lanes(a)) if a is LANES else (lambda a: np.sqrt(a))
-
-
-@overload(larger, jit_options={"fastmath": EXACT})
-def larger_compiled(a, b):
-    """As `larger`."""
-    return (lambda a, b: larger_lanes(a, b)) if a is LANES else (lambda a, b: a if a > b else b)
-
-
-@overload(sign_of, jit_options={"fastmath": EXACT})
-def sign_compiled(a):
-    """As `sign_of`."""
-    return (lambda a: signs_of_lanes(a)) if a is LANES else (lambda a: np.copysign(1.0, a))
+@overload(math.copysign, jit_options={"fastmath": EXACT})
+def _copysign(a, b):
+    return (lambda a, b: with_signs(a, b)) if b is LANES else None
 
 
 # --- explicit slides -------------------------------------------------------------------------------------------------
@@ -594,7 +493,7 @@ def store_six(lanes, block, v0, v1, v2, v3, v4, v5):
 
 @njit(cache=True, fastmath=EXACT)
 def total_of(values):
-    """Sum of lanes."""
+    """The sum of eight lanes."""
     return ((lane_of(values, 0) + lane_of(values, 1)) + (lane_of(values, 2) + lane_of(values, 3))) + (
         (lane_of(values, 4) + lane_of(values, 5)) + (lane_of(values, 6) + lane_of(values, 7))
     )
@@ -1161,7 +1060,7 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     length = 1.0 / per_length
     dx, dy, dz = uj[0] - ui[0], uj[1] - ui[1], uj[2] - ui[2]
     x, y, z = fma(length, ex, dx), fma(length, ey, dy), fma(length, ez, dz)
-    distance = root(dot(x, y, z, x, y, z))
+    distance = np.sqrt(dot(x, y, z, x, y, z))
     longer = fma(2.0 * length, dot(dx, dy, dz, ex, ey, ez), dot(dx, dy, dz, dx, dy, dz)) / (distance + length)
     per_distance = 1.0 / distance
     x, y, z = per_distance * x, per_distance * y, per_distance * z
@@ -1175,12 +1074,12 @@ def beam_large(ex, ey, ez, per_length, axial, bending, twist, ui, uj, qi, qj):
     two = 2.0 * bending
     ax, ay, az = -fma(pull, gx, two * cx), -fma(pull, gy, two * cy), -fma(pull, gz, two * cz)
     bx, by, bz = fma(two, cx, -(pull * hx)), fma(two, cy, -(pull * hy)), fma(two, cz, -(pull * hz))
-    moment = larger(dot(ax, ay, az, ax, ay, az), dot(bx, by, bz, bx, by, bz))
+    moment = max(dot(ax, ay, az, ax, ay, az), dot(bx, by, bz, bx, by, bz))
     w = fma(qj[0], qi[0], dot(qj[1], qj[2], qj[3], qi[1], qi[2], qi[3]))
     vx, vy, vz = cross(qi[1], qi[2], qi[3], qj[1], qj[2], qj[3])
     vx, vy, vz = fma(qi[0], qj[1], vx), fma(qi[0], qj[2], vy), fma(qi[0], qj[3], vz)
     vx, vy, vz = fma(-qj[0], qi[1], vx), fma(-qj[0], qi[2], vy), fma(-qj[0], qi[3], vz)
-    sign = sign_of(w)
+    sign = math.copysign(1.0, w)
     w, vx, vy, vz = sign * w, sign * vx, sign * vy, sign * vz
     half = dot(vx, vy, vz, x, y, z)
     torsion = 2.0 * bending * (1.0 + twist) * half
@@ -1217,9 +1116,9 @@ def excess(normal, square, moment, torsion, per_area, per_modulus, tensile, shea
     squares of V and of M_b; I_o = 2 I, and 4/3 V/S is the shear stress of a round section on its neutral axis.
     """
     room = tensile - per_area * normal
-    left = shear - 0.5 * per_modulus * larger(torsion, -torsion)
+    left = shear - 0.5 * per_modulus * max(torsion, -torsion)
     bent, sheared = per_modulus * per_modulus * moment, 16.0 / 9.0 * per_area * per_area * square
-    return larger(larger(-room, fma(-room, room, bent)), larger(-left, fma(-left, left, sheared)))
+    return max(max(-room, fma(-room, room, bent)), max(-left, fma(-left, left, sheared)))
 
 
 @njit(cache=True, fastmath=EXACT, error_model="numpy")
@@ -1260,7 +1159,7 @@ def bond_forces_large(lines, g, blocks, beams, section, beyond, twist):
                 row(section, c + TENSILE_STRENGTH),
                 row(section, c + SHEAR_STRENGTH),
             )
-            most, energy = larger(over, most), fma(0.5, one, energy)
+            most, energy = max(over, most), fma(0.5, one, energy)
             f0, f1, f2 = f0 + fma(normal, nx, sx), f1 + fma(normal, ny, sy), f2 + fma(normal, nz, sz)
             f3, f4, f5 = f3 + ax, f4 + ay, f5 + az
         store_six(g, block, f0, f1, f2, f3, f4, f5)
@@ -1355,7 +1254,7 @@ def move_large(lines, u, v, f, pushed, g, blocks, free, dt, damping, sums):
         mixed = fma(mass, dot(w0, w1, w2, v0, v1, v2), inertia * dot(w3, w4, w5, v3, v4, v5))
         before = before + mixed + fma(mass, dot(w0, w1, w2, w0, w1, w2), inertia * dot(w3, w4, w5, w3, w4, w5))
         after = after + mixed + fma(mass, square, inertia * dot(v3, v4, v5, v3, v4, v5))
-        kinetic, fastest = kinetic + mixed, larger(square, fastest)
+        kinetic, fastest = kinetic + mixed, max(square, fastest)
         x, y, z = fma(step, v0, x), fma(step, v1, y), fma(step, v2, z)
         t0, t1, t2 = fma(step, v3, ui[3]), fma(step, v4, ui[4]), fma(step, v5, ui[5])
         store_block(u, at, (x, y, z, t0, t1, t2, nothing, nothing))
@@ -1363,7 +1262,7 @@ def move_large(lines, u, v, f, pushed, g, blocks, free, dt, damping, sums):
         cx, cy, cz = cross(r0, r1, r2, q1, q2, q3)
         p0 = q0 - dot(r0, r1, r2, q1, q2, q3)
         p1, p2, p3 = q1 + fma(r0, q0, cx), q2 + fma(r1, q0, cy), q3 + fma(r2, q0, cz)
-        scale = 1.0 / root(fma(p0, p0, dot(p1, p2, p3, p1, p2, p3)))
+        scale = 1.0 / np.sqrt(fma(p0, p0, dot(p1, p2, p3, p1, p2, p3)))
         store_block(lines, at, (x, y, z, scale * p0, scale * p1, scale * p2, scale * p3, nothing))
     sums[0] = total_of(kinetic)
     sums[1], sums[2] = 0.25 * dt * damping * total_of(before), 0.25 * dt * damping * total_of(after)
