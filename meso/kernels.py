@@ -39,14 +39,12 @@ ensure_cache()  # numba looks for it where a kernel is declared
 FAST = {"contract", "nsz"}
 """Fused multiply-add is allowed, reordering is not: the same bits every time on one processor."""
 EXACT = False
-"""Every operation is rounded by itself: the same bits on every processor. Said, or a caller's would be taken over."""
+"""Only what is written as `fma` is fused: the same bits on every processor. Said, or a caller's would be taken over."""
 
 WHEEL, AXLE = range(2)
 """Columns of pair: the wheel's node, the axle's."""
 WHEEL_RADIUS, AXLE_RADIUS, NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = range(4)
 """Columns of the contact parameters: radii of both spheres [mm], k_n, k_t [N/mm]."""
-PER_MASS, PER_INERTIA = range(2)
-"""Columns of inverse: 1/m [1/t], 1/I [1/(t mm2)]."""
 AXIS_X, AXIS_Y, AXIS_Z, PER_LENGTH, AXIAL, BENDING = range(6)
 """Columns of beams: axis from i to j, 1/length [1/mm], EA/l [N/mm], EI/l [N mm]."""
 ALONG, ACROSS, COUPLING, ROTATION, TORSION = range(5)
@@ -1348,7 +1346,7 @@ def run_leapfrog_large(
     gave in the half step since: the works are trapezoids, the account is of second order.
     """
     size = len(blocks.start) - 1
-    at, lines = lines_of(u, blocks.place, WIDTH * size), lines_of(u[:, :3], blocks.place, WIDTH * size)
+    at, lines = lines_of(u, blocks.place, WIDTH * size), lines_of(u, blocks.place, WIDTH * size)
     f, loose = zeros_in_lines(WIDTH * size), np.zeros(WIDTH * size, np.bool_)
     rates, g, free = lanes_of(v, blocks.place, WIDTH * size), zeros_in_lines(6 * size), zeros_in_lines(size)
     pushed, beyond = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
@@ -1457,8 +1455,10 @@ def run_leapfrog_large(
         path = abs(speed[0]) + abs(speed[1]) + abs(speed[2])
         room -= dt * (2.0 * moved[5] + path)
     take_lines(at, blocks.place, u)
-    take_lines(lines[:, 3:], blocks.place, q)
     take_lanes(rates, blocks.place, v)
+    for i in range(len(q)):
+        line = blocks.place[i]
+        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = lines[line, 3], lines[line, 4], lines[line, 5], lines[line, 6]
     total[7] = faces + moved[4]
     return done, count, room
 
