@@ -116,7 +116,7 @@ def bits(scene: Scene) -> list[str]:
 OTHER = f"""
 import pickle, sys
 sys.path[:0] = [{str(Path(__file__).parent)!r}]
-from test_blocks import bits
+from test_lattice_blocks import bits
 print(*bits(pickle.load(sys.stdin.buffer)))
 """
 
