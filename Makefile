@@ -50,7 +50,17 @@ export PYTHONNOUSERSITE := 1
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 
-setup: system $(BUILT) ## install what is missing and build .venv (no torch)
+setup: system $(BUILT) $(BUILT)-compiled ## install what is missing and build .venv (no torch)
+
+# A run of the plates with either engine: what the first one would compile for ten seconds is kept.
+$(BUILT)-compiled: $(BUILT)
+	@$(FUNCTIONS)
+	folder=$$(mktemp -d)
+	for engine in explicit quasi-static; do
+	    quietly "The first run of the plates" $(BIN)/macrofit-meso run --quiet --engine $$engine -o $$folder/plates
+	done
+	rm -rf $$folder
+	touch $@
 
 setup-network: system-torch $(BUILT)-network ## the same, with torch for the network
 

@@ -23,6 +23,7 @@ from .engines.time_step import critical_time_step
 from .errors import SettingsError
 from .lattice.calibration import Calibration
 from .lattice.cholmod import factor
+from .lattice.equilibrium import forces
 from .lattice.lattice import BACK, build
 from .lattice.modulus import STRAIN, middle_strain
 from .material import Beams, Material
@@ -117,14 +118,12 @@ def dynamic_tensile_test(
     steps = int(np.ceil(5.0 * period / dt))
     ends, far = _ends(packing, axis)
     final = STRAIN * packing.centres[ends, axis]
-    u, v, f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
-    mesh = (lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist)
+    u, v = np.zeros((lattice.nodes, 6)), np.zeros((lattice.nodes, 6))
     for step in range(2 * steps):
-        kernels.leapfrog_step(u, v, f, *mesh, lattice.inverse, dt, 4.0 * np.pi * damping / period)
+        kernels.leapfrog(u, v, lattice.blocks, lattice.twist, dt, 4.0 * np.pi * damping / period, 1)
         u[ends, axis] = min(1.0, (step + 1) / steps) * final
         v[ends, axis] = final / (steps * dt) if step < steps else 0.0
-    kernels.beam_forces(u, f, *mesh)
-    return _measured(packing, axis, u, -f[far, axis].sum())
+    return _measured(packing, axis, u, -forces(lattice, u)[far, axis].sum())
 
 
 def calibrate(

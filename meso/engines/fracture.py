@@ -31,6 +31,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 
 from .. import kernels
 from ..errors import StabilityError
+from ..lattice.blocks import in_lines
 from ..lattice.candidates import NOBODY, ContactCandidates
 from ..lattice.lattice import Lattice
 from ..records import Sums
@@ -118,7 +119,7 @@ class Breaking:
         self.lattice, self.wheel_nodes, self.micro_friction = lattice, wheel_nodes, micro_friction
         self.contact_modulus, self.tangential_ratio = contact_modulus, tangential_ratio
         self.dt, self.steps, self.drive, self.speed = dt, 0, np.zeros(3), np.zeros(3)
-        self.u, self.v, self.f = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
+        self.u, self.v = np.zeros((n, 6)), np.zeros((n, 6))
         self.q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         self.grip = np.zeros(n, np.int64) if grip is None else grip.astype(np.int64)
         self.mode = np.zeros(bonds, np.int64)
@@ -129,6 +130,7 @@ class Breaking:
         self.candidates, self.history = candidates, candidates.at_rest()
         self.meet(candidates)
         self._near, self._near_history, self._within, self._room = NOBODY, NOBODY.at_rest(), 0, np.inf
+        self._blocked: tuple[FloatArray, FloatArray] | None = None
         self._carry = np.zeros(5)
         self._key = lattice.first * n + lattice.cols
         self._by_key = np.argsort(self._key, kind="stable")
@@ -179,6 +181,7 @@ class Breaking:
     def meet(self, candidates: ContactCandidates) -> None:
         """Take other candidates of the two faces; those known from before keep their history."""
         self.candidates, self.history = candidates, candidates.remembering(self.candidates, self.history)
+        self._places = self.lattice.blocks.place[candidates.pair]
         self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
 
     def pieces(self) -> IntArray:
@@ -217,13 +220,13 @@ class Breaking:
         self.speed[: 2 if target > 0.0 else 3] = speed[: 2 if target > 0.0 else 3]
         reaction = np.zeros((self.grip.max(initial=0), 6))
         while left > 0:
-            near = self._near
+            near, (beams, section) = self._near, self._in_blocks()
             done, count, self._room = kernels.run_leapfrog_large(
-                self.u, self.v, self.f, self.q, lattice.rows, lattice.cols, lattice.beams, self.mode, self.section,
-                lattice.anchored, lattice.anchors, lattice.twist, lattice.inverse, self.grip, self.dt, damping,
-                meet.first, meet.last, meet.pair, meet.offset, meet.parameters, self.history, self.micro_friction,
-                self._window, self._live, self.detached,
-                near.pair, near.offset, near.parameters, self._near_history, np.arange(len(near.pair)), self._within,
+                self.u, self.v, self.q, lattice.blocks, beams, section, self.mode, lattice.twist, self.grip,
+                self.dt, damping, meet.first, meet.last, self._places, meet.offset, meet.parameters, self.history,
+                self.micro_friction, self._window, self._live, self.detached,
+                lattice.blocks.place[near.pair], near.offset, near.parameters, self._near_history,
+                np.arange(len(near.pair)), self._within,
                 self._room, self.drive, self.speed, target, falling, left, reaction,
                 self._broken, self._released, self._carry, total,
             )  # fmt: skip
@@ -242,6 +245,13 @@ class Breaking:
             released=total[9], kinetic=0.5 * total[6], elastic=total[7], contact=total[8],
         )  # fmt: skip
         return self.account
+
+    def _in_blocks(self) -> tuple[FloatArray, FloatArray]:
+        """Beams and their section from both ends, those that break without stiffness; of the first steps on."""
+        if self._blocked is None:
+            blocks = self.lattice.blocks
+            self._blocked = in_lines(blocks.beams), blocks.from_both_ends(self.section, (0.0, 0.0, np.inf, np.inf))
+        return self._blocked
 
     def loosen(self, nodes: IntArray) -> None:
         """Let spheres meet whatever comes near them, as if they had lost a beam: the flanks of a notch, say."""

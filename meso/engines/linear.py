@@ -27,7 +27,7 @@ class Linear:
         self, lattice: Lattice, *, dt: float, micro_friction: float = 0.0, candidates: ContactCandidates = NOBODY
     ) -> None:
         self.lattice, self.dt, self.micro_friction = lattice, dt, micro_friction
-        self.u, self.v, self.f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
+        self.u, self.v = np.zeros((lattice.nodes, 6)), np.zeros((lattice.nodes, 6))
         self.drive, self.speed, self.steps = np.zeros(3), np.zeros(3), 0
         self._kinetic = 0.0
         self.candidates, self.history = candidates, candidates.at_rest()
@@ -36,6 +36,7 @@ class Linear:
     def meet(self, candidates: ContactCandidates) -> None:
         """Take other candidates of the two faces; those known from before keep their history."""
         self.candidates, self.history = candidates, candidates.remembering(self.candidates, self.history)
+        self._places = self.lattice.blocks.place[candidates.pair]
         self._window, self._live = np.zeros(2, np.int64), np.empty(len(self.history), np.int64)
 
     @property
@@ -56,10 +57,9 @@ class Linear:
         lattice, meet, total = self.lattice, self.candidates, np.zeros(7)
         self.speed[: 2 if target > 0.0 else 3] = speed[: 2 if target > 0.0 else 3]
         kernels.run_leapfrog(
-            self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
-            lattice.twist, lattice.inverse, self.dt, damping, meet.first, meet.last, meet.pair,
-            meet.offset, meet.parameters, self.history, self.micro_friction, self._window,
-            self._live, self.drive, self.speed, target, np.array(carriage, dtype=np.float64), steps, total,
+            self.u, self.v, lattice.blocks, lattice.twist, self.dt, damping, meet.first, meet.last, self._places,
+            meet.offset, meet.parameters, self.history, self.micro_friction, self._window, self._live,
+            self.drive, self.speed, target, np.array(carriage, dtype=np.float64), steps, total,
         )  # fmt: skip
         self.steps += steps
         self._kinetic = 0.5 * total[6]

@@ -17,6 +17,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 from ..errors import SettingsError
 from ..material import Beams, ExternalFace, ExternalModulus, Material
 from ..packing.pack import Packing
+from .blocks import Blocks, arranged
 
 BACK = 1.25
 """A sphere belongs to the back of its plate where its centre is closer than this many radii [-]."""
@@ -61,6 +62,11 @@ class Lattice:
     def inverse(self) -> FloatArray:
         """1/m and 1/I of each sphere, shape (n, 2)."""
         return np.stack([1.0 / self.masses, 2.5 / (self.masses * self.radii**2)], axis=1)
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The same in the order in which the explicit engine goes through it."""
+        return arranged(self.first, self.cols, self.beams, self.inverse, self.anchored, self.anchors)
 
     def stiffness(self) -> csc_matrix:
         """K (6n, 6n) of all beams, external ones included, with node i at rows 6 i ... 6 i + 5."""

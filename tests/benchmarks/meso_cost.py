@@ -1,10 +1,12 @@
-"""How fast are the plates: the force kernel, two runs at once, a complete run, a cold start?
+"""How fast are the plates: the bond kernels, two runs at once, a complete run, a cold start?
 
-    python -m tests.benchmarks meso_cost [--quick]
+    python -m tests.benchmarks meso_cost [--quick] [--against FOLDER]
 
-Prints Markdown tables. Kernel: lattice of 10,000 spheres, million bond-steps per CPU second on one thread, median and
-range of repeats. Complete run: built-in default (n = 3, 3000 spheres), packing to coefficient, with the flat packings
-cached and without. Cold: a new process with an empty numba cache, to the first coefficient.
+Prints Markdown tables. Kernels: plates squeezed and sliding, with contacts and external faces, linear and with beams
+that may break; million bond-steps per CPU second on one thread, median and range of repeats. With --against, the tree
+of another commit in FOLDER takes turns with this one, each in a process of its own, and the ratio of the medians is
+shown too. Complete run: built-in default (n = 3, 3000 spheres), packing to coefficient, with the flat packings cached
+and without. Cold: a new process with an empty numba cache, to the first coefficient.
 """
 
 from __future__ import annotations
@@ -16,62 +18,98 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from meso import kernels
-from meso.engines.time_step import critical_time_step
+from meso.engines.explicit import Explicit
+from meso.engines.fracture import Breaking
+from meso.engines.linear import Linear
 from meso.friction_test import run
-from meso.lattice.calibration import steel
-from meso.lattice.lattice import Lattice, build
-from meso.material import Material
 from meso.packing.cache import flat_packing
-from meso.packing.pack import pack
+from meso.plates import make_plates
 from meso.settings import load
-from meso.surfaces.surface import generator
 
-KERNEL = "from tests.benchmarks.meso_cost import kernel; print(kernel({spheres}, {steps}, 3)[0])"
+ROOT = Path(__file__).parents[2]
+LATTICES = ("linear", "breakable")
+STRONG = ("engine.breakage.tensile_strength=1e9", "engine.breakage.shear_strength=1e9")
+"""Strengths that no beam reaches [MPa]."""
+TURNS = """
+import sys
+sys.path[:0] = [{tree!r}]
+import meso
+sys.path[:0] = [{root!r}]
+from tests.benchmarks.meso_cost import measured
+speed = measured({lattice!r}, {spheres}, {steps})
+for _ in sys.stdin:
+    print(speed(), flush=True)
+"""
+"""A process that measures the tree of a commit once for every line it reads."""
 COLD = "from meso.settings import load; from meso.friction_test import run; run(load())"
 
 
-def free_plate(spheres: int) -> Lattice:
-    """A plate of this many spheres without external face, as dense in spheres as the default's."""
-    width = (spheres / 1000.0) ** 0.5
-    packing = pack(generator("cost", spheres), spheres=spheres, size=(width, width), thickness=0.3)
-    return build(packing, Material(), steel())
+def measured(lattice: str, spheres: int, steps: int) -> Callable[[], float]:
+    """Plates that slide; a call takes some steps and returns their speed [million bond-steps per CPU second]."""
+    settings = load(None, ["engine.name=explicit", f"plates.spheres={spheres}", *STRONG])
+    made = make_plates(settings)
+    engine, keys, breakage = Explicit(made), settings.engine, settings.engine.breakage
+    assert breakage is not None
+    body: Linear | Breaking
+    if lattice == "linear":
+        body = Linear(made.lattice, dt=engine.time_step, micro_friction=0.07, candidates=engine.candidates)
+    else:
+        body = Breaking(
+            made.lattice,
+            breakage,
+            dt=engine.time_step,
+            contact_modulus=settings.material.youngs_modulus,
+            micro_friction=0.07,
+            candidates=engine.candidates,
+            wheel_nodes=made.wheel.nodes,
+        )
+    body.drive[2] = made.first_touch - made.likely_approach()
+    body.advance(2 * steps, (0.0, 0.0, 0.0), damping=keys.squeeze_damping)
 
-
-def kernel(spheres: int, steps: int, repeats: int) -> tuple[float, float, float]:
-    """Median, least and greatest speed of the leapfrog over a lattice [million bond-steps per CPU second]."""
-    plate = free_plate(spheres)
-    u, f = np.zeros((plate.nodes, 6)), np.zeros((plate.nodes, 6))
-    v = generator("cost").normal(size=(plate.nodes, 6))
-    dt = 0.9 * critical_time_step(plate)
-    speeds = []
-    for repeat in range(repeats + 1):
+    def speed() -> float:
         started = time.process_time()
-        for _ in range(steps):
-            kernels.leapfrog_step(
-                u, v, f, plate.rows, plate.cols, plate.beams, plate.anchored, plate.anchors, plate.twist,
-                plate.inverse, dt, 0.0,
-            )  # fmt: skip
-        if repeat:
-            speeds.append(steps * len(plate.cols) / (time.process_time() - started) / 1e6)
-    return statistics.median(speeds), min(speeds), max(speeds)
+        body.advance(steps, (keys.speed, 0.0, 0.0), damping=keys.speed / keys.damping_length)
+        return steps * len(made.lattice.cols) / (time.process_time() - started) / 1e6
+
+    return speed
+
+
+def started(tree: Path, lattice: str, spheres: int, steps: int) -> subprocess.Popen[str]:
+    """A process that measures a tree."""
+    code = TURNS.format(tree=str(tree), root=str(ROOT), lattice=lattice, spheres=spheres, steps=steps)
+    command = [sys.executable, "-P", "-c", code]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def asked(processes: Sequence[subprocess.Popen[str]]) -> list[float]:
+    """One measurement of each process, at the same time where there are several."""
+    for process in processes:
+        assert process.stdin is not None
+        print(file=process.stdin, flush=True)
+    return [float(process.stdout.readline()) for process in processes if process.stdout is not None]
+
+
+def kernels(trees: Sequence[Path], lattice: str, spheres: int, steps: int, repeats: int) -> list[list[float]]:
+    """Speeds of each tree, which take turns [million bond-steps per CPU second]."""
+    processes = [started(tree, lattice, spheres, steps) for tree in trees]
+    turns = [[asked([process])[0] for process in processes] for _ in range(repeats + 1)]
+    for process in processes:
+        process.communicate()
+    return [list(column) for column in zip(*turns[1:], strict=True)]
 
 
 def two_at_once(spheres: int, steps: int) -> float:
     """Sum of the speeds of two processes running together over that of one alone (medians of three in each) [-]."""
-    command = [sys.executable, "-c", KERNEL.format(spheres=spheres, steps=steps)]
-
-    def start() -> subprocess.Popen[str]:
-        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-
-    alone = float(start().communicate()[0])
-    both = [start(), start()]
-    return sum(float(process.communicate()[0]) for process in both) / alone
+    processes = [started(ROOT, "linear", spheres, steps) for _ in range(2)]
+    asked(processes)
+    alone = statistics.median(asked(processes[:1])[0] for _ in range(3))
+    both = statistics.median(sum(asked(processes)) for _ in range(3))
+    for process in processes:
+        process.communicate()
+    return both / alone
 
 
 def complete(engine: str, spheres: int, repeats: int, cached: bool) -> tuple[float, float, float]:
@@ -100,12 +138,21 @@ def main(words: Sequence[str]) -> int:
     """Print the tables."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks meso_cost", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small plates, two repeats, no cold start")
-    quick = parser.parse_args(words).quick
-    counts, steps, repeats = ((300, 1000), 50, 2) if quick else ((3000, 10_000, 30_000), 500, 7)
-    print("| spheres | million bond-steps/s | range |\n|---|---|---|")
-    for spheres in counts:
-        median, least, most = kernel(spheres, steps, repeats)
-        print(f"| {spheres} | {median:.0f} | {least:.0f}-{most:.0f} |", flush=True)
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="the tree of another commit, to compare with")
+    arguments = parser.parse_args(words)
+    quick, trees = arguments.quick, [ROOT, *filter(None, [arguments.against])]
+    counts, steps, repeats = ((900, 1500), 50, 2) if quick else ((3000, 10_000, 30_000), 200, 7)
+    print("| lattice | spheres | million bond-steps/s | range | other tree | ratio |\n|---|---|---|---|---|---|")
+    for lattice in LATTICES:
+        for spheres in counts:
+            speeds, *others = kernels(trees, lattice, spheres, steps, repeats)
+            median = statistics.median(speeds)
+            other = [statistics.median(column) for column in others]
+            compared = f"{other[0]:.0f} | {median / other[0]:.2f}" if other else "- | -"
+            print(
+                f"| {lattice} | {spheres} | {median:.0f} | {min(speeds):.0f}-{max(speeds):.0f} | {compared} |",
+                flush=True,
+            )
     print(f"\nTwo processes at once over one alone: {two_at_once(counts[-2], 4 * steps):.2f}\n")
     print("| engine | flat packings | plates [s] | set-up [s] | slide [s] | sum [s] |\n|---|---|---|---|---|---|")
     spheres = 1200 if quick else 3000

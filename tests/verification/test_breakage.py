@@ -343,7 +343,7 @@ def plates() -> Plates:
 def test_plates_that_do_not_break_slide_as_the_linear_ones(plates: Plates, target: float) -> None:
     """Forces within 1 % of `run_leapfrog` (what the rotations are worth), with candidates or as detached spheres."""
     lattice, meet = plates.lattice, plates.meet
-    u, v, f = (np.zeros((lattice.nodes, 6)) for _ in range(3))
+    u, v = np.zeros((lattice.nodes, 6)), np.zeros((lattice.nodes, 6))
     drive, history = np.array([0.0, 0.0, plates.height]), meet.at_rest()
     window, live = np.zeros(2, np.int64), np.zeros(len(meet.pair), np.int64)
     forces = []
@@ -354,9 +354,9 @@ def test_plates_that_do_not_break_slide_as_the_linear_ones(plates: Plates, targe
         total = np.zeros(7)
         speed[:] = [*(np.array(step[:2]) / plates.dt), speed[2] if load > 0.0 else step[2] / plates.dt]
         kernels.run_leapfrog(
-            u, v, f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors, lattice.twist,
-            lattice.inverse, plates.dt, damping, meet.first, meet.last, meet.pair, meet.offset, meet.parameters,
-            history, 0.1, window, live, drive, speed, load, np.array(CARRIAGE), steps, total,
+            u, v, lattice.blocks, lattice.twist, plates.dt, damping, meet.first, meet.last,
+            lattice.blocks.place[meet.pair], meet.offset, meet.parameters, history, 0.1, window, live,
+            drive, speed, load, np.array(CARRIAGE), steps, total,
         )  # fmt: skip
         forces.append(total[:3] / steps)
     linear = np.array(forces)

@@ -33,14 +33,14 @@ def after(p: FloatArray, q: FloatArray) -> FloatArray:
 
 def matrix(q: FloatArray) -> FloatArray:
     """Shape (3, 3)."""
-    return np.column_stack([kernels.turned(q[None, :], 0, *column) for column in np.eye(3)])
+    return np.column_stack([kernels.turned(q, *column) for column in np.eye(3)])
 
 
 def law(moved: FloatArray, turned: FloatArray) -> tuple[FloatArray, float, FloatArray]:
     """Forces and moments (2, 6) on both ends of the beam, its energy, and the unit vector along it."""
     u = np.zeros((2, 6))
     u[:, :3] = moved
-    answer = np.array(kernels.beam_large(*AXIS, 1.0 / LENGTH, AXIAL, BENDING, TWIST, u, turned, 0, 1))
+    answer = np.array(kernels.beam_large(*AXIS, 1.0 / LENGTH, AXIAL, BENDING, TWIST, *u, *turned))
     force = answer[3] * answer[:3] + answer[4:7]
     return np.array([[*force, *answer[7:10]], [*-force, *answer[10:13]]]), float(answer[15]), answer[:3]
 
@@ -142,25 +142,21 @@ def test_no_force_in_a_turned_block(block: Lattice) -> None:
         u[:, :3] = block.centres @ (matrix(q) - np.eye(3)).T + [0.3, -0.2, 0.5]
         turned = np.tile(q, (block.nodes, 1))
         for k, (i, j) in enumerate(zip(block.first, block.cols, strict=True)):
-            answer = kernels.beam_large(*block.beams[k], block.twist, u, turned, i, j)
+            answer = kernels.beam_large(*block.beams[k], block.twist, u[i], u[j], turned[i], turned[j])
             assert np.abs(answer[3:13]).max() < 1e-12 * block.beams[k, 4] / block.beams[k, 3]
 
 
 def test_small_motion_follows_the_linear_lattice(block: Lattice) -> None:
-    """500 steps of `move` and of the large lattice, started alike: they differ in the order of the rotations."""
+    """500 steps of `leapfrog` and of the large lattice, started alike: they differ in the order of the rotations."""
     dt = 0.8 * critical_time_step(block)
     error = []
     for size in (1e-6, 1e-7):
         body = Breaking(block, UNBREAKABLE, dt=dt, contact_modulus=206e3)
         body.v[:] = size / dt * np.random.default_rng(0).normal(size=(block.nodes, 6))
         body.v[:, :3] *= block.radii.mean()
-        u, v, f = np.zeros_like(body.u), body.v.copy(), np.zeros_like(body.f)
+        u, v = np.zeros_like(body.u), body.v.copy()
         body.advance(500)
-        for _ in range(500):
-            kernels.leapfrog_step(
-                u, v, f, block.rows, block.cols, block.beams, block.anchored, block.anchors, block.twist,
-                block.inverse, dt, 0.0,
-            )  # fmt: skip
+        kernels.leapfrog(u, v, block.blocks, block.twist, dt, 0.0, 500)
         error.append(np.abs(body.v - v).max() / np.abs(v).max())
     assert error[1] < 1e-5
     assert error[0] / error[1] == pytest.approx(10.0, rel=0.05)

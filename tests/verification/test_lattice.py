@@ -275,7 +275,7 @@ class Motion:
     def __init__(self, lattice: Lattice, fraction: float) -> None:
         self.lattice, self.dt = lattice, fraction * critical(lattice)
         self.mass = 1.0 / lattice.inverse[:, [0, 0, 0, 1, 1, 1]]
-        self.u, self.f = np.zeros((lattice.nodes, 6)), np.zeros((lattice.nodes, 6))
+        self.u = np.zeros((lattice.nodes, 6))
         self.v = generator("velocities").normal(size=(lattice.nodes, 6)) / np.sqrt(self.mass)
         R = rigid(lattice).reshape(6, -1)
         share = np.linalg.solve((R * self.mass.ravel()) @ R.T, R @ (self.mass * self.v).ravel())
@@ -283,12 +283,7 @@ class Motion:
 
     def run_leapfrog(self, steps: int) -> float:
         lattice = self.lattice
-        for _ in range(steps):
-            twice_kinetic = kernels.leapfrog_step(
-                self.u, self.v, self.f, lattice.rows, lattice.cols, lattice.beams, lattice.anchored, lattice.anchors,
-                lattice.twist, lattice.inverse, self.dt, 0.0,
-            )  # fmt: skip
-        return float(twice_kinetic)
+        return float(kernels.leapfrog(self.u, self.v, lattice.blocks, lattice.twist, self.dt, 0.0, steps))
 
     def energy(self) -> float:
         """v-.M v+ / 2 + u.K u / 2 [N mm]; one step on.
