@@ -1,0 +1,254 @@
+"""One step of the rotation: where the fit sticks, slips or opens, by a semismooth Newton method.
+
+With lambda = lambda_0 + loads + S w the tractions of slip and opening w, each point has
+
+    w_n = 0 and lambda_n <= 0, or lambda_n = 0 and w_n <= 0 (open);
+    q = lambda_t - rho (w_t - w_t,before),  b = -mu lambda_n:
+    w_t = w_t,before where |q| <= b (stick), else lambda_t = b q / |q| (slip)
+
+The unknowns are the slips of the points that slip or open alone. A row of slip is, with e = q / |q| and beta = b / |q|,
+
+    [I - beta (I - e e')] d lambda_t + mu e d lambda_n + rho beta (I - e e') d w_t
+
+Source: Alart, Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375 (doi 10.1016/0045-7825(91)90022-X); Hueber,
+Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008) 572-596 (doi 10.1137/060671061).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from inspect import signature
+from itertools import pairwise
+
+import numpy as np
+import scipy.linalg as sla
+
+from ..base.arrays import BoolArray, FloatArray, IntArray
+from .elements import ComplexArray
+from .kernel import Kernel
+
+RHO = 2e4
+"""Weight of a slip against a traction in the law [MPa/mm]."""
+TOLERANCE = 1e-9
+"""Residual of a step, in the largest pressure."""
+ITERATIONS = 40
+DENSE = 400
+"""Unknowns from which on a linear problem is solved by GMRES."""
+LINEAR = 1e-8
+"""Its tolerance."""
+SINGULAR = 1e-13
+"""Reciprocal condition number below which a linear problem has no solution of use."""
+VISCOUS = 1e-2
+"""Resistance that slip gets then, in RHO."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """A step: tractions and slips (K, 3, m), and whether Newton's method got there."""
+
+    traction: FloatArray  # MPa
+    slip: FloatArray  # mm
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """Coulomb's law at all points of the ring for one step."""
+
+    friction: FloatArray  # (m,)
+    before: FloatArray  # (K, 3, m) slip before the step [mm]
+
+    def trial(self, traction: FloatArray, slip: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+        """q (K, 2, m), b (K, m), and which points are open and which slip."""
+        q = traction[:, 1:] - RHO * (slip[:, 1:] - self.before[:, 1:])
+        bound = self.friction * np.maximum(-traction[:, 0], 0.0)
+        opens = traction[:, 0] - RHO * slip[:, 0] > 0.0
+        size = np.hypot(q[:, 0], q[:, 1])
+        return q, bound, opens, ~opens & ((size > bound) | (self.friction == 0.0))
+
+    def settled(self, slip: FloatArray, opens: BoolArray, slips: BoolArray) -> FloatArray:
+        """The slips with those of closed and of sticking points as the law has them."""
+        out = slip.copy()
+        out[:, 0][~opens] = 0.0
+        stick = ~(opens | slips)
+        for i in (1, 2):
+            out[:, i][stick] = self.before[:, i][stick]
+        return out
+
+
+def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
+    """Solve a step from a guess of the slips (K, 3, m); ``still`` are the tractions (K, 3, m) without any slip."""
+    slip = guess.copy()
+    traction = still + _respond(kernel, slip)
+    scale = max(float(np.abs(still[:, 0]).max()), 1e-300)
+    done = None
+    for iteration in range(ITERATIONS):
+        q, bound, opens, slips = law.trial(traction, slip)
+        rest = law.settled(slip, opens, slips) - slip
+        residual = _residual(traction, q, bound, opens, slips)
+        status = opens.astype(np.int8) + 2 * slips
+        error = max(float(np.abs(residual).max(initial=0.0)), RHO * float(np.abs(rest).max()))
+        if done is not None and error <= TOLERANCE * scale and (status == done).all():
+            return Solved(traction=traction, slip=slip, iterations=iteration, converged=True)
+        done = status
+        moved = traction + (_respond(kernel, rest) if rest.any() else 0.0)
+        slip = slip + rest
+        if opens.any() or slips.any():
+            slip += _correction(kernel, law, (traction, moved), q, bound, opens, slips)
+        traction = still + _respond(kernel, slip)
+        if not np.isfinite(traction).all():
+            break
+    return Solved(traction=traction, slip=slip, iterations=ITERATIONS, converged=False)
+
+
+def _respond(kernel: Kernel, slip: FloatArray) -> FloatArray:
+    return kernel.respond(slip.reshape(len(slip), -1)).reshape(slip.shape)
+
+
+def _unit(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """e = q / |q| and |q|; e = 0 where q vanishes."""
+    size = np.hypot(q[:, 0], q[:, 1])
+    safe = np.where(size > 0.0, size, 1.0)
+    return q / safe[:, None], safe
+
+
+def _residual(traction: FloatArray, q: FloatArray, bound: FloatArray, opens: BoolArray, slips: BoolArray) -> FloatArray:
+    """What the law leaves at points that slip or open (K, 3, m) [MPa]."""
+    e, _ = _unit(q)
+    out = np.zeros_like(traction)
+    out[:, 1:] = np.where(slips[:, None], traction[:, 1:] - bound[:, None] * e, 0.0)
+    return np.where(opens[:, None], traction, out)
+
+
+def _correction(
+    kernel: Kernel,
+    law: Law,
+    tractions: tuple[FloatArray, FloatArray],
+    q: FloatArray,
+    bound: FloatArray,
+    opens: BoolArray,
+    slips: BoolArray,
+) -> FloatArray:
+    """The change of the slips (K, 3, m) of points that slip or open; tractions before and after the others settled."""
+    traction, moved = tractions
+    k, j = np.nonzero(opens | slips)
+    free = opens[k, j]
+    e, size = _unit(q)
+    e, beta = e[k, :, j], (bound / size)[k, j]
+    across = np.eye(2) - e[:, :, None] * e[:, None, :]
+    mixing = np.zeros((len(k), 3, 3))  # of d lambda
+    mixing[:, 1:, 1:] = np.eye(2) - beta[:, None, None] * across
+    mixing[:, 1:, 0] = law.friction[j, None] * e
+    mixing[free] = np.eye(3)
+    own = np.zeros((len(k), 3, 3))  # of d w
+    own[:, 1:, 1:] = RHO * beta[:, None, None] * across
+    own[free] = 0.0
+    residual = _residual(traction, q, bound, opens, slips)[k, :, j]
+    residual += np.einsum("pij,pj->pi", mixing, (moved - traction)[k, :, j])
+    unknown = np.stack([free, np.ones_like(free), np.ones_like(free)], axis=1)
+    linear = Linear(kernel=kernel, points=(k, j), mixing=mixing, own=own, unknown=unknown)
+    step = linear.solve(residual, DENSE)
+    out = np.zeros_like(traction)
+    out[k, :, j] = step
+    return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear:
+    """mixing (S d w) + own d w = -residual at p points, for the unknown components of d w (p, 3)."""
+
+    kernel: Kernel
+    points: tuple[IntArray, IntArray]  # angle and moment of each
+    mixing: FloatArray  # (p, 3, 3)
+    own: FloatArray  # (p, 3, 3)
+    unknown: BoolArray  # (p, 3)
+
+    @cached_property
+    def chosen(self) -> IntArray:
+        """The unknown components among all."""
+        return np.flatnonzero(self.unknown.ravel())
+
+    @cached_property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Angle, and place among 3 m, of all components (3 p,)."""
+        k, j = self.points
+        return np.repeat(k, 3), (np.arange(3) * self.kernel.fit.moments + j[:, None]).ravel()
+
+    def solve(self, residual: FloatArray, most: int) -> FloatArray:
+        """d w (p, 3): by elimination, or by GMRES where there are more than ``most`` unknowns."""
+        right, out = -residual.ravel()[self.chosen], np.zeros(residual.size)
+        found = self._iterated(right) if len(right) > most else None
+        out[self.chosen] = (
+            _regular_solution(self.rows(slice(0, len(self.points[0]))), right) if found is None else found
+        )
+        return out.reshape(residual.shape)
+
+    def rows(self, part: slice) -> FloatArray:
+        """The matrix of the unknowns of consecutive points."""
+        angle, place = (each[3 * part.start : 3 * part.stop] for each in self.places)
+        inside = np.flatnonzero(self.unknown[part].ravel())
+        influence = self.kernel.gathered((angle, place), (angle[inside], place[inside]))
+        count = len(influence) // 3
+        rows = (self.mixing[part] @ influence.reshape(count, 3, -1)).reshape(3 * count, -1)[inside]
+        point, component = np.divmod(inside, 3)
+        r, c = np.nonzero(point[:, None] == point[None, :])
+        rows[r, c] += self.own[part][point[r], component[r], component[c]]
+        return np.asarray(rows)
+
+    def times(self, unknowns: FloatArray) -> FloatArray:
+        """The matrix times the unknowns, by the harmonics."""
+        matrices, turn, places = self._near
+        moved = np.zeros(3 * len(self.points[0]))
+        moved[self.chosen] = unknowns
+        slip = np.zeros((self.kernel.angles, len(turn)))
+        slip[places] = moved
+        traction = self.kernel.product(matrices, turn, slip)[places].reshape(-1, 3)
+        both = np.einsum("pij,pj->pi", self.mixing, traction) + np.einsum("pij,pj->pi", self.own, moved.reshape(-1, 3))
+        return np.asarray(both.ravel()[self.chosen])
+
+    @cached_property
+    def _near(self) -> tuple[list[FloatArray], ComplexArray, tuple[IntArray, IntArray]]:
+        """S between the moments that slip somewhere, their factor around the axle, and where all components stand."""
+        k, j = self.points
+        moments, own = np.unique(j, return_inverse=True)
+        among = (np.arange(3)[:, None] * self.kernel.fit.moments + moments).ravel()
+        places = (np.arange(3) * len(moments) + own[:, None]).ravel()
+        return self.kernel.between(among), self.kernel.turn[among], (np.repeat(k, 3), places)
+
+    def _iterated(self, right: FloatArray) -> FloatArray | None:
+        """By GMRES, its preconditioner the points of each angle by themselves; None where it does not get there."""
+        from scipy.sparse.linalg import LinearOperator, gmres  # 0.1 s that small problems need not wait for
+
+        ends = np.searchsorted(self.points[0], np.arange(self.kernel.angles + 1))
+        parts = [slice(int(a), int(b)) for a, b in pairwise(ends) if b > a]
+        factors = [sla.lapack.dgetrf(self.rows(part))[:2] for part in parts]
+        counts = np.cumsum([0, *(int(self.unknown[part].sum()) for part in parts)])
+
+        def by_angle(vector: FloatArray) -> FloatArray:
+            shares = zip(factors, pairwise(counts), strict=True)
+            return np.concatenate([sla.lapack.dgetrs(*lu, vector[a:b])[0] for lu, (a, b) in shares])
+
+        size = (len(right), len(right))
+        exact = {"rtol" if "rtol" in signature(gmres).parameters else "tol": LINEAR}
+        found, info = gmres(
+            LinearOperator(size, self.times),
+            right,
+            M=LinearOperator(size, by_angle),
+            restart=60,
+            maxiter=2,
+            atol=0.0,
+            **exact,
+        )
+        return None if info or not np.isfinite(found).all() else np.asarray(found)
+
+
+def _regular_solution(rows: FloatArray, right: FloatArray) -> FloatArray:
+    """The solution; where the guess has everything slip, which leaves the wheel free, with viscous slip instead."""
+    norm = float(np.abs(rows).sum(axis=0).max())
+    lu, pivots, info = sla.lapack.dgetrf(rows)
+    if info or sla.lapack.dgecon(lu, norm)[0] < SINGULAR:
+        rows[np.diag_indices(len(rows))] += VISCOUS * RHO
+        lu, pivots, info = sla.lapack.dgetrf(rows)
+    return np.asarray(sla.lapack.dgetrs(lu, pivots, right)[0])
