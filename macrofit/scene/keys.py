@@ -218,6 +218,34 @@ class OutputKeys(Keys, frozen=True):
     ] = 0
 
 
+class ServiceKeys(Keys, frozen=True):
+    """Loads of the pressed wheelset in rotating bending, for `macrofit service`."""
+
+    journal_force: Annotated[
+        NotNegative, told("Force P of the journal downwards, and of the rail on the wheel upwards [N].")
+    ] = 110e3
+    journal_moment: Annotated[
+        NotNegative, told("Bending moment at the front end of the drawn axle: P times the way to the journal [N mm].")
+    ] = 6e7
+    lateral_force: Annotated[
+        float, told("Force of the rail on the wheel along the axle, positive towards the held end [N].")
+    ] = 0.0
+    torque: Annotated[float, told("Torque around the rim of the wheel, carried by the held end [N mm].")] = 0.0
+    rim_offset: Annotated[
+        float, told("Where the wheel stands on the rail, from the middle of its rim, positive towards the front [mm].")
+    ] = 0.0
+    at: Annotated[
+        float | None, told("Displacement of the pressed wheel for `--bonded` [mm]; left out: the last of the motion.")
+    ] = None
+    harmonics: Annotated[
+        int, msgspec.Meta(ge=1, le=20), told("Highest harmonic H of the rotation; there are 2 H + 1 angles [-].")
+    ] = 3
+    steps: Annotated[
+        int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
+    ] = 28
+    revolutions: Annotated[int, msgspec.Meta(ge=1, le=100), told("Revolutions that are followed, behind the one in which the loads come up [-].")] = 4
+
+
 class Scene(Keys, frozen=True):
     """Everything that determines a run."""
 
@@ -233,6 +261,9 @@ class Scene(Keys, frozen=True):
     contact: Annotated[ContactKeys, told("How the contact conditions are imposed.")] = ContactKeys()
     friction: Annotated[FrictionKeys, told("Where the coefficient of friction comes from.")] = FrictionKeys()
     output: Annotated[OutputKeys, told("What is computed and written beyond the fitting curve.")] = OutputKeys()
+    service: Annotated[
+        ServiceKeys | None, told("Loads in service, for `macrofit service`; left out: those of its table.")
+    ] = None
 
     @property
     def displacements(self) -> tuple[float, ...]:

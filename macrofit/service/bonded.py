@@ -1,0 +1,100 @@
+"""The wheelset in bending where nothing slips or opens: the linear solution, harmonic by harmonic.
+
+It says what the fit has to carry, how it concentrates the bending stress beside the hub, and with which power the shear
+grows towards the edges: for a sharp bonded edge of a right angle on a half plane of the same steel, distance^-0.4555
+(Williams; Bogy 1968), which friction cannot hold however high it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import FloatArray
+from .fit import ComplexArray
+from .seat_stress import MM, by_facet, surface_stress
+from .wheelset import Wheelset
+
+EDGE = (2.0, 8.0)
+"""Distances from an edge between which the power of the shear is fitted [mm]."""
+OUTSIDE = 4.0
+"""Distance beside the hub where the stress concentration is taken [mm]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmonic:
+    """What one harmonic adds, at the angle 0 of the load."""
+
+    jump: ComplexArray  # d (3 m,) [mm]
+    balance: ComplexArray  # R' f_w (k,)
+    traction: ComplexArray  # lambda (3 m,) [MPa]
+    stress: ComplexArray  # (facets, 6) see `seat_stress`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edge:
+    """One end of the fit."""
+
+    name: str  # "front" or "inner"
+    z: float  # mm, where contact ends
+    nominal_stress: float  # MPa, there
+    concentration: float | None  # stress over the nominal one, OUTSIDE mm beside the hub; None: off the seat
+    shear_power: float | None  # exponent of the shear within EDGE; None: too few facets
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bonded:
+    """The bonded solution under the loads at the angle 0."""
+
+    harmonics: list[Harmonic]
+    z: FloatArray  # (facets,) middles of the seat's facets [mm]
+    nominal: FloatArray  # (facets,) MPa
+    bending: FloatArray  # (facets,) axial stress of n = 1, positive as the nominal one [MPa]
+    edges: tuple[Edge, Edge]
+
+
+def one_harmonic(whole: Wheelset, n: int, traction: ComplexArray | None = None) -> Harmonic:
+    """The loads of one harmonic, and the tractions and stresses of the bonded fit or of given ``traction``."""
+    fit, loads = whole.fit, whole.loads
+    jump, balance = fit.jump(n, loads.of_axle(n), loads.of_wheel(n))
+    bonded = fit.response(n).traction(-jump, balance) if traction is None else traction
+    return Harmonic(jump=jump, balance=balance, traction=bonded, stress=seat_stress(whole, n, bonded))
+
+
+def seat_stress(whole: Wheelset, n: int, traction: ComplexArray) -> ComplexArray:
+    """Stress amplitudes (facets, 6) of the seat under the loads and tractions (3 m,)."""
+    fit, line = whole.fit, whole.fit.lines[0]
+    displacement = fit.axle_displacement(n, traction, whole.loads.of_axle(n))[fit.axle.trace]
+    means = by_facet(line.facets, fit.facet, traction.reshape(3, -1).T)
+    return surface_stress(line, n, displacement, means)
+
+
+def bonded_solution(whole: Wheelset, harmonics: int) -> Bonded:
+    """The bonded solution in the harmonics 0 to ``harmonics``."""
+    found = [one_harmonic(whole, n) for n in range(harmonics + 1)]
+    coordinate = whole.fit.lines[0].coordinate
+    z = 0.5 * (coordinate[1:] + coordinate[:-1])
+    bending = -2.0 * found[1].stress[:, MM].real
+    nominal = whole.nominal_stress(z)
+    shear = 2.0 * np.abs(found[1].traction.reshape(3, -1)[1])
+    edges = tuple(_edge(whole, name, z, bending / nominal, shear) for name in ("front", "inner"))
+    return Bonded(harmonics=found, z=z, nominal=nominal, bending=bending, edges=(edges[0], edges[1]))
+
+
+def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: FloatArray) -> Edge:
+    portions, place = whole.fit.coupling.portions, whole.fit.z
+    at, out = (portions.start.min(), -1.0) if name == "front" else (portions.end.max(), 1.0)
+    beside = float(at + out * OUTSIDE)
+    distance = out * (at - place)
+    inside = (distance > EDGE[0]) & (distance < EDGE[1]) & (shear > 0.0)
+    power = None
+    if inside.sum() >= 4:
+        power = float(np.polyfit(np.log(distance[inside]), np.log(shear[inside]), 1)[0])
+    return Edge(
+        name=name,
+        z=float(at),
+        nominal_stress=float(whole.nominal_stress(np.array([at]))[0]),
+        concentration=float(np.interp(beside, z, ratio)) if z[0] <= beside <= z[-1] else None,
+        shear_power=power,
+    )

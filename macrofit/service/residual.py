@@ -1,0 +1,85 @@
+"""What the press leaves behind: the tractions of the released fit, and the friction of each place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from mpi4py import MPI
+
+from ..assembly import assemble, friction_field, yielding_of
+from ..base.arrays import FloatArray
+from ..bodies.approach import check_approach
+from ..bodies.body import Body
+from ..contact.cooling import warmed
+from ..contact.interface import MortarCoupling, couple_lines
+from ..errors import SceneError
+from ..press import REACH, Press
+from ..release import is_held, let_go
+from ..scene.keys import Scene
+from ..state import Step
+from .seat_stress import surface_stress
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """The fit after the press has let go, m moments."""
+
+    displacement: float  # mm
+    force: float  # N, with which the wheel was pressed on last
+    coupling: MortarCoupling
+    traction: FloatArray  # (3, m): normal, along, around [MPa]
+    gap: FloatArray  # (m,) of open moments, 0 in contact [mm]
+    friction: FloatArray  # (m,)
+    stress: FloatArray  # (facets, 6) of the seat, see `seat_stress` [MPa]
+
+
+def pressed_and_released(scene: Scene) -> tuple[Residual, Mapping[str, Body]]:
+    """Press the wheel on, let it go, and give what is left with the bodies.
+
+    Raises:
+        SceneError: the bodies never meet, or nothing holds the wheel.
+        ConvergenceError: an increment cannot be solved, or no place without force is found.
+    """
+    scene = msgspec.structs.replace(scene, motion=msgspec.structs.replace(scene.motion, release=False))
+    assembly = assemble(scene, MPI.COMM_SELF)
+    seat, wheel = assembly.seat, assembly.wheel
+    check_approach(scene, seat.line.side, wheel.line.side)
+    field = friction_field(scene, MPI.COMM_SELF, seat, wheel)
+    press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
+    before = after = press.rest()
+    for _, state in press.increments(before):
+        before, after = after, state
+    strain = scene.thermal_strain_at(len(scene.displacements) - 1)
+    held = is_held(after)
+    steps, _ = let_go(press, after) if held else press.advance_to(before, after.displacement, strain)
+    if not steps[-1].facets.friction.any():
+        raise SceneError("friction: without it nothing holds the wheel in service; give a coefficient")
+    return _residual(press, steps[-1], after.axial_force), assembly.bodies
+
+
+def _residual(press: Press, step: Step, force: float) -> Residual:
+    """The moments of a step, which face each other with or without the ends that stand wide open."""
+    state, line, found = step.state, press.seat.line, step.report.answer.traction
+    bore = warmed(press.bore, state.thermal_strain)
+    couplings = [couple_lines(line, bore, state.displacement, reach) for reach in (REACH, np.inf)]
+    coupling = next((c for c in couplings if c is not None and len(c.normals) == found.shape[1]), None)
+    if coupling is None:
+        raise SceneError(f"service: at {state.displacement:g} mm, where the press lets go, the wheel is off its seat")
+    facet = np.repeat(coupling.portions.facet, press.seat.moments)
+    traction = np.concatenate([found, np.zeros((1, found.shape[1]))])
+    nodes = len(line.nodes)
+    moved = state.seat_displacement.reshape(2, -1)[:, :nodes]
+    displacement = np.stack([moved[0], np.zeros(nodes), moved[1]], axis=1).astype(np.complex128)
+    means = np.stack([-step.facets.pressure, step.facets.traction, np.zeros(line.facets)], axis=1)
+    return Residual(
+        displacement=state.displacement,
+        force=force,
+        coupling=coupling,
+        traction=traction,
+        gap=np.maximum(step.report.answer.trial[0], 0.0) / press.seat.gamma[facet],
+        friction=step.facets.friction[facet],
+        stress=surface_stress(line, 0, displacement, means.astype(np.complex128)).real,
+    )

@@ -1,0 +1,154 @@
+"""The rotation: the loads come up, then they turn around the axle step by step, revolution after revolution.
+
+Time is counted in revolutions: from -1 to 0 the loads grow at the angle 0, from 0 on they turn. Everything is counted
+from the released fit. A step starts from the slips before it, turned on by its angle; if Newton's method does not get
+there, from those before it as they are; then it is halved.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import FloatArray
+from ..errors import ConvergenceError
+from .kernel import Kernel
+from .slipping import Law, Solved, solve_step
+
+RAMP = 4
+"""Steps in which the loads come up."""
+HALVINGS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """The fit at one time."""
+
+    time: float  # revolutions
+    traction: FloatArray  # (K, 3, m) [MPa]
+    slip: FloatArray  # (K, 3, m): what is open, < 0, and slips from the released fit on [mm]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revolution:
+    """What a revolution took, and its steps, the one before the first included."""
+
+    moments: list[Moment]
+    friction_work: float  # N mm, by the trapezoidal rule
+    load_work: float  # N mm
+    iterations: int
+
+
+class Rotation:
+    """A released fit under loads that turn."""
+
+    def __init__(
+        self, kernel: Kernel, residual: FloatArray, gap: FloatArray, friction: FloatArray, steps: int
+    ) -> None:
+        """The tractions (3, m) [MPa], gaps (m,) [mm] and friction (m,) of the released fit; steps of a revolution."""
+        self.kernel, self.friction = kernel, friction
+        self._traction = np.repeat(residual[None], kernel.angles, axis=0)
+        self._slip = np.zeros_like(self._traction)
+        self._slip[:, 0] = -gap
+        flat = self._slip.reshape(kernel.angles, -1)
+        self.still = self._traction - kernel.respond(flat).reshape(self._slip.shape)
+        self.steps = kernel.angles * math.ceil(steps / kernel.angles)
+        self.iterations = 0
+
+    def rest(self) -> Moment:
+        """The released fit, without loads."""
+        return Moment(time=-1.0, traction=self._traction, slip=self._slip)
+
+    def loaded(self) -> Moment:
+        """The fit when the loads have come up.
+
+        Raises:
+            ConvergenceError: it does not carry them.
+        """
+        here = self.rest()
+        for step in range(1, self.steps + 1):
+            here = self.advance(here, step / self.steps - 1.0)
+        return here
+
+    def revolve(self, start: Moment) -> Revolution:
+        """A whole revolution from a time on.
+
+        Raises:
+            ConvergenceError: the wheel slides or lifts off.
+        """
+        first, moments, counted = round(start.time), [start], self.iterations
+        friction = load = 0.0
+        for step in range(1, self.steps + 1):
+            before, after = moments[-1], self.advance(moments[-1], first + step / self.steps)
+            friction += self._friction_work(before, after)
+            load += self._load_work(before, after)
+            moments.append(after)
+        return Revolution(
+            moments=moments, friction_work=friction, load_work=load, iterations=self.iterations - counted
+        )
+
+    def advance(self, start: Moment, time: float) -> Moment:
+        """The fit at a later time, in shorter steps where one is too long.
+
+        Raises:
+            ConvergenceError: no halved step helps.
+        """
+        here, halvings = start, 0
+        while True:
+            ahead = min(time, here.time + (time - start.time) * 0.5**halvings)
+            ahead = time if time - ahead < 1e-9 else ahead
+            solved = self._step(here, ahead)
+            if solved is not None:
+                here = Moment(time=ahead, traction=solved.traction, slip=solved.slip)
+                if ahead == time:
+                    return here
+            else:
+                halvings += 1
+                if halvings > HALVINGS:
+                    raise ConvergenceError(self._lost(here.time))
+
+    def _step(self, here: Moment, time: float) -> Solved | None:
+        law = Law(friction=self.friction, before=here.slip)
+        still = self.still + self._load(time).reshape(here.slip.shape)
+        flat = here.slip.reshape(len(here.slip), -1)
+        guesses = [here.slip]
+        if here.time > -1.0:
+            turned = self.kernel.turned(flat, 2.0 * math.pi * (time - here.time))
+            guesses.insert(0, turned.reshape(here.slip.shape))
+        for guess in guesses:
+            solved = solve_step(self.kernel, law, still, guess)
+            self.iterations += solved.iterations
+            if solved.converged:
+                return solved
+        return None
+
+    def _load(self, time: float) -> FloatArray:
+        scale, angle = _load_at(time)
+        return scale * self.kernel.load_at(angle)
+
+    def _friction_work(self, before: Moment, after: Moment) -> float:
+        mean = 0.5 * (before.traction + after.traction)
+        each = (mean * (after.slip - before.slip)).sum(axis=1)
+        return -float((each @ self.kernel.fit.weight).sum()) / self.kernel.angles
+
+    def _load_work(self, before: Moment, after: Moment) -> float:
+        (was, at), (scale, angle) = _load_at(before.time), _load_at(after.time)
+        flat = (len(after.slip), -1)
+        change = (after.traction - before.traction).reshape(flat)
+        return self.kernel.work((at, angle), (was, scale), change, (after.slip - before.slip).reshape(flat))
+
+    def _lost(self, time: float) -> str:
+        scale, angle = _load_at(time)
+        at = f"at {scale:.0%} of the load" if time < 0.0 else f"at {math.degrees(angle) % 360.0:.0f} degrees"
+        return (
+            f"service: no equilibrium was found beyond {at} of revolution {max(0, math.floor(time)) + 1}: the wheel "
+            f"slides on its seat or lifts off; lower service.journal_force and journal_moment, raise the friction or "
+            f"the interference, or try more service.steps"
+        )
+
+
+def _load_at(time: float) -> tuple[float, float]:
+    """What part of the loads acts at a time, and their angle [rad]."""
+    return min(1.0, 1.0 + time), 2.0 * math.pi * time

@@ -1,0 +1,164 @@
+"""One step of the rotation: where the fit sticks, slips or opens, by a semismooth Newton method.
+
+With lambda = lambda_0 + loads + S w the tractions of slip and opening w, each point has
+
+    w_n = 0 and lambda_n <= 0, or lambda_n = 0 and w_n <= 0 (open);
+    q = lambda_t - rho (w_t - w_t,before),  b = -mu lambda_n:  w_t = w_t,before where |q| <= b, else lambda_t = b q / |q|
+
+The unknowns are the slips of the points that slip or open alone. A row of slip is, with e = q / |q| and beta = b / |q|,
+
+    [I - beta (I - e e')] d lambda_t + mu e d lambda_n + rho beta (I - e e') d w_t
+
+Source: Alart, Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375 (doi 10.1016/0045-7825(91)90022-X); Hueber,
+Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008) 572-596 (doi 10.1137/060671061).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+
+from ..base.arrays import BoolArray, FloatArray, IntArray
+from .kernel import Kernel
+
+RHO = 2e4
+"""Weight of a slip against a traction in the law [MPa/mm]."""
+TOLERANCE = 1e-9
+"""Residual of a step, in the largest pressure."""
+ITERATIONS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """A step: tractions and slips (K, 3, m), and whether Newton's method got there."""
+
+    traction: FloatArray  # MPa
+    slip: FloatArray  # mm
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """Coulomb's law at all points of the ring for one step."""
+
+    friction: FloatArray  # (m,)
+    before: FloatArray  # (K, 3, m) slip before the step [mm]
+
+    def trial(self, traction: FloatArray, slip: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+        """q (K, 2, m), b (K, m), and which points are open and which slip."""
+        q = traction[:, 1:] - RHO * (slip[:, 1:] - self.before[:, 1:])
+        bound = self.friction * np.maximum(-traction[:, 0], 0.0)
+        opens = traction[:, 0] - RHO * slip[:, 0] > 0.0
+        size = np.hypot(q[:, 0], q[:, 1])
+        return q, bound, opens, ~opens & ((size > bound) | (self.friction == 0.0))
+
+    def settled(self, slip: FloatArray, opens: BoolArray, slips: BoolArray) -> FloatArray:
+        """The slips with those of closed and of sticking points as the law has them."""
+        out = slip.copy()
+        out[:, 0][~opens] = 0.0
+        stick = ~(opens | slips)
+        for i in (1, 2):
+            out[:, i][stick] = self.before[:, i][stick]
+        return out
+
+
+def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
+    """Solve a step from a guess of the slips (K, 3, m); ``still`` are the tractions (K, 3, m) without any slip."""
+    slip = guess.copy()
+    traction = still + _respond(kernel, slip)
+    scale = max(float(np.abs(still[:, 0]).max()), 1e-300)
+    done = None
+    for iteration in range(ITERATIONS):
+        q, bound, opens, slips = law.trial(traction, slip)
+        rest = law.settled(slip, opens, slips) - slip
+        residual = _residual(traction, q, bound, opens, slips)
+        status = opens.astype(np.int8) + 2 * slips
+        error = max(float(np.abs(residual).max(initial=0.0)), RHO * float(np.abs(rest).max()))
+        if done is not None and error <= TOLERANCE * scale and (status == done).all():
+            return Solved(traction=traction, slip=slip, iterations=iteration, converged=True)
+        done = status
+        moved = traction + (_respond(kernel, rest) if rest.any() else 0.0)
+        slip = slip + rest
+        if opens.any() or slips.any():
+            slip += _correction(kernel, law, (traction, moved), q, bound, opens, slips)
+        traction = still + _respond(kernel, slip)
+    return Solved(traction=traction, slip=slip, iterations=ITERATIONS, converged=False)
+
+
+def _respond(kernel: Kernel, slip: FloatArray) -> FloatArray:
+    return kernel.respond(slip.reshape(len(slip), -1)).reshape(slip.shape)
+
+
+def _unit(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """e = q / |q| and |q|; e = 0 where q vanishes."""
+    size = np.hypot(q[:, 0], q[:, 1])
+    safe = np.where(size > 0.0, size, 1.0)
+    return q / safe[:, None], safe
+
+
+def _residual(traction: FloatArray, q: FloatArray, bound: FloatArray, opens: BoolArray, slips: BoolArray) -> FloatArray:
+    """What the law leaves at points that slip or open (K, 3, m) [MPa]."""
+    e, _ = _unit(q)
+    out = np.zeros_like(traction)
+    out[:, 1:] = np.where(slips[:, None], traction[:, 1:] - bound[:, None] * e, 0.0)
+    return np.where(opens[:, None], traction, out)
+
+
+def _correction(
+    kernel: Kernel,
+    law: Law,
+    tractions: tuple[FloatArray, FloatArray],
+    q: FloatArray,
+    bound: FloatArray,
+    opens: BoolArray,
+    slips: BoolArray,
+) -> FloatArray:
+    """The change of the slips (K, 3, m) of points that slip or open; tractions before and after the others settled."""
+    traction, moved = tractions
+    k, j = np.nonzero(opens | slips)
+    free = opens[k, j]
+    e, size = _unit(q)
+    e, beta = e[k, :, j], (bound / size)[k, j]
+    across = np.eye(2) - e[:, :, None] * e[:, None, :]
+    mixing = np.zeros((len(k), 3, 3))  # of d lambda
+    mixing[:, 1:, 1:] = np.eye(2) - beta[:, None, None] * across
+    mixing[:, 1:, 0] = law.friction[j, None] * e
+    mixing[free] = np.eye(3)
+    own = np.zeros((len(k), 3, 3))  # of d w
+    own[:, 1:, 1:] = RHO * beta[:, None, None] * across
+    own[free] = 0.0
+    residual = _residual(traction, q, bound, opens, slips)[k, :, j]
+    residual += np.einsum("pij,pj->pi", mixing, (moved - traction)[k, :, j])
+    unknown = np.stack([free, np.ones_like(free), np.ones_like(free)], axis=1)
+    step = _solved(kernel, (k, j), mixing, own, unknown, residual)
+    out = np.zeros_like(traction)
+    out[k, :, j] = step
+    return out
+
+
+def _solved(
+    kernel: Kernel,
+    points: tuple[IntArray, IntArray],
+    mixing: FloatArray,
+    own: FloatArray,
+    unknown: BoolArray,
+    residual: FloatArray,
+) -> FloatArray:
+    """d w (p, 3) with mixing (S d w) + own d w = -residual, for the unknown components of p points."""
+    k, j = points
+    p, m = len(k), kernel.fit.moments
+    angle = np.repeat(k, 3)
+    place = (np.arange(3) * m + j[:, None]).ravel()
+    chosen = np.flatnonzero(unknown.ravel())
+    influence = kernel.gathered((angle, place), (angle[chosen], place[chosen]))
+    rows = (mixing @ influence.reshape(p, 3, -1)).reshape(3 * p, -1)[chosen]
+    point, component = np.divmod(chosen, 3)
+    same = point[:, None] == point[None, :]
+    r, c = np.nonzero(same)
+    rows[r, c] += own[point[r], component[r], component[c]]
+    out = np.zeros(3 * p)
+    out[chosen] = sla.solve(rows, -residual.ravel()[chosen], overwrite_a=True, check_finite=False)
+    return out.reshape(p, 3)
