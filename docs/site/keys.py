@@ -37,7 +37,8 @@ A wrong key ends in one line that names it, and exit code 2.
 TABLES = {
     "Scene": "Top of the file", "Shaft": "`[axle]`", "Hub": "`[wheel]`", "Disc": "`[axle]` or `[wheel]`",
     "MeshFile": "`[axle]` or `[wheel]`", "Motion": "`[motion]`", "MeshKeys": "`[mesh]`", "ContactKeys": "`[contact]`",
-    "FrictionKeys": "`[friction]`", "OutputKeys": "`[output]`", "ServiceKeys": "`[service]`", "Material": "`[axle.material]`, `[wheel.material]`",
+    "FrictionKeys": "`[friction]`", "OutputKeys": "`[output]`", "ServiceKeys": "`[service]`",
+    "Material": "`[axle.material]`, `[wheel.material]`",
     "LinearHardening": '`hardening`, law `"linear"`', "VoceHardening": '`hardening`, law `"voce"`',
     "ChabocheHardening": '`hardening`, law `"chaboche"`', "TabulatedHardening": '`hardening`, law `"table"`',
 }  # fmt: skip

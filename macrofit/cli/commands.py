@@ -291,6 +291,33 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
             click.echo(line)
 
 
+@main.command()
+@scene_argument
+@click.option("--bonded", is_flag=True, help="Only the linear solution where nothing slips; without a press.")
+@changes
+@click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-service.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path | None, quiet: bool) -> None:
+    """Press the wheel of SCENE on, let it go, and turn the wheelset under its loads: slip at the edges, and fatigue.
+
+    The loads are those of the scene's table [service]. Writes service.json, tables along the seat and a figure.
+    """
+    announce(loading(scene), quiet=quiet)
+    from mpi4py import MPI
+
+    comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-service")
+    with ending(comm, target, resumes=False):
+        from .scene import load_scene
+
+        resolved = load_scene(scene, overrides)
+        import_mesher()
+        from .service.run import carry_out_service
+
+        lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet)
+        for line in [] if quiet else lines:
+            click.echo(line)
+
+
 def loading(scene: str) -> str:
     """What is said of a scene before anything is loaded for it."""
     return f"Scene           {scene}; loading the solver"

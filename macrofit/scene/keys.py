@@ -234,16 +234,24 @@ class ServiceKeys(Keys, frozen=True):
     rim_offset: Annotated[
         float, told("Where the wheel stands on the rail, from the middle of its rim, positive towards the front [mm].")
     ] = 0.0
-    at: Annotated[
-        float | None, told("Displacement of the pressed wheel for `--bonded` [mm]; left out: the last of the motion.")
-    ] = None
     harmonics: Annotated[
         int, msgspec.Meta(ge=1, le=20), told("Highest harmonic H of the rotation; there are 2 H + 1 angles [-].")
     ] = 3
     steps: Annotated[
         int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
     ] = 28
-    revolutions: Annotated[int, msgspec.Meta(ge=1, le=100), told("Revolutions that are followed, behind the one in which the loads come up [-].")] = 4
+    revolutions: Annotated[
+        int,
+        msgspec.Meta(ge=1, le=100),
+        told("Revolutions that are followed, behind the one in which the loads come up [-]."),
+    ] = 4
+    bending_limit: Annotated[
+        Positive, told("What the axle's steel bears for ever in reversed bending, without fretting [MPa].")
+    ] = 200.0
+    torsion_limit: Annotated[
+        Positive | None,
+        told("The same in reversed torsion, above 1/2 and below 1 of bending_limit [MPa]; left out: 0.6 of it."),
+    ] = None
 
 
 class Scene(Keys, frozen=True):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import FloatArray
-from .fit import ComplexArray
+from .elements import ComplexArray
 from .seat_stress import MM, by_facet, surface_stress
 from .wheelset import Wheelset
 
@@ -28,7 +28,8 @@ class Harmonic:
 
     jump: ComplexArray  # d (3 m,) [mm]
     balance: ComplexArray  # R' f_w (k,)
-    traction: ComplexArray  # lambda (3 m,) [MPa]
+    moved: ComplexArray  # displacement of the seat's line by the loads alone (line nodes, 3) [mm]
+    traction: ComplexArray  # lambda of the bonded fit (3 m,) [MPa]
     stress: ComplexArray  # (facets, 6) see `seat_stress`
 
 
@@ -54,25 +55,32 @@ class Bonded:
     edges: tuple[Edge, Edge]
 
 
-def one_harmonic(whole: Wheelset, n: int, traction: ComplexArray | None = None) -> Harmonic:
-    """The loads of one harmonic, and the tractions and stresses of the bonded fit or of given ``traction``."""
+def one_harmonic(whole: Wheelset, n: int) -> Harmonic:
+    """The loads of one harmonic, and the tractions and stresses of the bonded fit."""
     fit, loads = whole.fit, whole.loads
     jump, balance = fit.jump(n, loads.of_axle(n), loads.of_wheel(n))
-    bonded = fit.response(n).traction(-jump, balance) if traction is None else traction
-    return Harmonic(jump=jump, balance=balance, traction=bonded, stress=seat_stress(whole, n, bonded))
+    traction = fit.response(n).traction(-jump, balance)
+    moved = fit.axle.solve(n, loads.of_axle(n).reshape(-1, 1)).reshape(-1, 3)[fit.axle.trace]
+    return Harmonic(
+        jump=jump, balance=balance, moved=moved, traction=traction, stress=seat_stress(whole, n, traction, moved)
+    )
 
 
-def seat_stress(whole: Wheelset, n: int, traction: ComplexArray) -> ComplexArray:
-    """Stress amplitudes (facets, 6) of the seat under the loads and tractions (3 m,)."""
+def seat_stress(whole: Wheelset, n: int, traction: ComplexArray, moved: ComplexArray) -> ComplexArray:
+    """Stress amplitudes (facets, 6) of the seat under tractions (3 m,) and what loads move it (line nodes, 3)."""
     fit, line = whole.fit, whole.fit.lines[0]
-    displacement = fit.axle_displacement(n, traction, whole.loads.of_axle(n))[fit.axle.trace]
     means = by_facet(line.facets, fit.facet, traction.reshape(3, -1).T)
-    return surface_stress(line, n, displacement, means)
+    return surface_stress(line, n, fit.line_displacement(n, traction) + moved, means)
 
 
 def bonded_solution(whole: Wheelset, harmonics: int) -> Bonded:
     """The bonded solution in the harmonics 0 to ``harmonics``."""
     found = [one_harmonic(whole, n) for n in range(harmonics + 1)]
+    return in_bending(whole, found)
+
+
+def in_bending(whole: Wheelset, found: list[Harmonic]) -> Bonded:
+    """What the harmonics of the bonded solution say of the bending of the axle."""
     coordinate = whole.fit.lines[0].coordinate
     z = 0.5 * (coordinate[1:] + coordinate[:-1])
     bending = -2.0 * found[1].stress[:, MM].real

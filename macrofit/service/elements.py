@@ -22,13 +22,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from ..base.arrays import FloatArray
 from ..bodies.fenics import Discretisation, tabulate
 from ..scene.material import Material
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 
 CELLS = 2048
 """Cells whose stiffness is computed at once."""

@@ -1,20 +1,20 @@
 """The fit in harmonics: what tractions on the seat and slips between the lines have to do with each other.
 
 With J and N the moments of the seat's and the bore's displacement (see `contact.moments`) in the components (normal,
-along the seat, around it), W their weights, C_a and C_w the compliances, R the rigid motions q of the wheel, f the loads,
+along the seat, around it), W their weights, C_a and C_w the compliances, R the rigid motions q of the wheel, f the
+loads,
 
     (1 / gamma + A W) lambda = w - d + N R q,   A = J C_a J' + N C_w N'     (the law: lambda = -gamma (jump - w))
     (N R)' W lambda = R' f_w                                                 (the wheel is in balance)
 
-where w is what the lines have slipped or opened and d the jump that the loads alone make. So lambda = S (w - d) + lambda_h
-with, for each harmonic, one real S.
+where w is what the lines have slipped or opened and d the jump that the loads alone make. So for each harmonic
+lambda = S (w - d) + lambda_h with one real S.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -24,9 +24,8 @@ from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import ContactLine
 from ..contact.interface import MortarCoupling
 from ..contact.moments import CoveredFacets, entries, quadrature, scalar_rows, shape
+from .elements import ComplexArray
 from .harmonics import HarmonicBody
-
-ComplexArray = np.ndarray[Any, np.dtype[np.complex128]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,22 +124,21 @@ class Fit:
         balance = self.wheel.rigid_motions(n).T @ wheel_loads.reshape(-1)
         return np.asarray(self.seat_rows @ seat - self.bore_rows @ bore).ravel(), np.asarray(balance)
 
-    def opening(self, n: int, traction: ComplexArray, loads: tuple[ComplexArray, ComplexArray], place: Fit) -> FloatArray:
-        """How far the lines approach at the moments of another fit (m,) [mm], of tractions here and nodal loads."""
+    def approach(self, n: int, loads: tuple[ComplexArray, ComplexArray], place: Fit) -> FloatArray:
+        """How far the lines of the bonded fit approach at the moments (m,) of another one under nodal loads [mm]."""
         jump, balance = self.jump(n, *loads)
-        motion = self.response(n).rigid(-jump, balance)
+        traction, motion = self.response(n).traction(-jump, balance), self.response(n).rigid(-jump, balance)
         there, _ = place.jump(n, *loads)
         forces = np.tile(self.weight, 3) * traction
         seat = place.seat_rows @ (self.axle.compliance(n) @ (self.seat_rows.T @ forces))
         bore = place.bore_rows @ (self.wheel.compliance(n) @ (self.bore_rows.T @ forces))
         rigid = place.bore_rows @ (self.wheel.on_trace(self.wheel.rigid_motions(n)) @ motion)
-        return np.abs(there + seat + bore - rigid)[: place.moments]
+        return np.asarray(np.abs(there + seat + bore - rigid)[: place.moments], dtype=np.float64)
 
-    def axle_displacement(self, n: int, traction: ComplexArray, loads: ComplexArray) -> ComplexArray:
-        """Amplitudes (nodes, 3) of the axle [mm] under tractions (3 m,) and its own nodal loads (nodes, 3)."""
+    def line_displacement(self, n: int, traction: ComplexArray) -> ComplexArray:
+        """Amplitudes (line nodes, 3) of the seat [mm] under tractions (3 m,) [MPa]."""
         forces = self.seat_rows.T @ (np.tile(self.weight, 3) * traction)
-        nodal = self.axle.from_trace(np.asarray(forces)[:, None]) + loads.reshape(-1, 1)
-        return self.axle.solve(n, nodal).reshape(-1, 3)
+        return np.asarray(self.axle.compliance(n) @ forces).reshape(-1, 3)
 
 
 def seat_moments(line: ContactLine, portions: CoveredFacets) -> sp.csr_matrix:

@@ -10,6 +10,7 @@ unknowns of the fit (see `fit`), so that nothing rests on a pin where the loads 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +20,9 @@ from ..base.cholmod import Factor, NotDefiniteError, factor
 from ..bodies.fenics import Discretisation
 from ..errors import MeshError
 from ..scene.material import Material
-from .elements import Stiffness, assemble_harmonics
+from .elements import ComplexArray, Stiffness, assemble_harmonics
+
+Amplitudes = TypeVar("Amplitudes", FloatArray, ComplexArray)
 
 NEAR = 1e-9
 """Radius below which a node lies on the axis, in the largest radius of the body."""
@@ -102,10 +105,13 @@ class HarmonicBody:
                 turn[3 * node + 1, 3 * node] = -1.0
         return turn.tocsr()
 
-    def solve(self, n: int, loads: FloatArray) -> FloatArray:
-        """Displacements (3 nodes, k) [mm] under nodal loads (3 nodes, k) [N], real or complex."""
-        if np.iscomplexobj(loads):
-            return np.asarray(self.solve(n, loads.real) + 1j * self.solve(n, loads.imag))
+    def solve(self, n: int, loads: ComplexArray) -> ComplexArray:
+        """Displacements (3 nodes, k) [mm] under nodal loads (3 nodes, k) [N]."""
+        if not loads.any():
+            return np.zeros_like(loads)
+        return np.asarray(self._solve(n, loads.real) + (1j * self._solve(n, loads.imag) if loads.imag.any() else 0.0j))
+
+    def _solve(self, n: int, loads: FloatArray) -> FloatArray:
         turn = self._turn(n)
         right = np.asarray(turn.T @ loads)
         right[self.held(n).ravel()] = 0.0
@@ -121,15 +127,8 @@ class HarmonicBody:
             self._compliances[n] = matrix
         return self._compliances[n]
 
-    def on_trace(self, displacement: FloatArray) -> FloatArray:
+    def on_trace(self, displacement: Amplitudes) -> Amplitudes:
         """The amplitudes of the contact line (3 line nodes, k) of those of all nodes (3 nodes, k)."""
         k = displacement.shape[1]
         nodes = len(self.space.nodes)
         return np.asarray(displacement.reshape(nodes, 3, k)[self.trace].reshape(3 * len(self.trace), k))
-
-    def from_trace(self, loads: FloatArray) -> FloatArray:
-        """Nodal loads (3 nodes, k) of those on the contact line (3 line nodes, k)."""
-        k = loads.shape[1]
-        out = np.zeros((len(self.space.nodes), 3, k), dtype=loads.dtype)
-        out[self.trace] = loads.reshape(len(self.trace), 3, k)
-        return out.reshape(-1, k)

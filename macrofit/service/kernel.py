@@ -12,7 +12,8 @@ import numpy as np
 
 from ..base.arrays import FloatArray, IntArray
 from .bonded import Harmonic
-from .fit import ComplexArray, Fit
+from .elements import ComplexArray
+from .fit import Fit
 
 
 class Kernel:
@@ -58,7 +59,9 @@ class Kernel:
     def _phase(self, angle: float) -> ComplexArray:
         return np.asarray(np.exp(-1j * np.arange((self.angles + 1) // 2) * angle))
 
-    def work(self, angles: tuple[float, float], scales: tuple[float, float], change: FloatArray, slip: FloatArray) -> float:
+    def work(
+        self, angles: tuple[float, float], scales: tuple[float, float], change: FloatArray, slip: FloatArray
+    ) -> float:
         """Work of the loads [N mm] by what friction changes, over a step: their mean times that change.
 
         Args:

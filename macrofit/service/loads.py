@@ -1,9 +1,9 @@
 """The loads of a wheelset in service as amplitudes of harmonics, and the nominal stress that beam theory gives.
 
-The angle is 0 where the wheel stands on the rail. There the rail pushes the wheel towards the axis with the force P. The
-journal, beyond the front end of the drawn axle, is pushed down with the same P: at the front end stand P and a moment
-M_0. The held end is a plane of symmetry, which carries the moment. A lateral force along the axle acts on the wheel at
-the rail, a torque all around its rim; the held end carries both.
+The angle is 0 where the wheel stands on the rail. There the rail pushes the wheel towards the axis with the force P.
+The journal, beyond the front end of the drawn axle, is pushed down with the same P: at the front end stand P and a
+moment M_0. The held end is a plane of symmetry, which carries the moment. A lateral force along the axle acts on the
+wheel at the rail, a torque all around its rim; the held end carries both.
 
 The front end is loaded by the stresses of a beam, bending and Saint-Venant's shear (Love, *Theory of Elasticity*,
 chapter on flexure), which a circular ring of radii a < b has as
@@ -24,7 +24,7 @@ from ..bodies.fenics import Discretisation
 from ..contact.moments import shape
 from ..errors import MeshError
 
-_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ def front_face(space: Discretisation, *, last: bool = False) -> EndFace:
 
 
 def rim_node(space: Discretisation, offset: float) -> int:
-    """The node of the wheel that stands on the rail: of the largest radius, nearest to the rim's middle + offset [mm]."""
+    """The node of the wheel on the rail: of the largest radius, nearest to the rim's middle + offset [mm]."""
     r, z = space.nodes.T
     outer = np.flatnonzero(r > r.max() * (1.0 - 1e-6))
     middle = 0.5 * (z[outer].min() + z[outer].max())

@@ -1,9 +1,9 @@
-"""What a service computation writes: summary.json, seat.csv, its figure, and lines for people."""
+"""What a service computation writes: service.json, seat.csv, and lines for people."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,14 +12,23 @@ from ..base.files import write_text
 from ..results.versions import versions
 from ..scene import dump_scene
 from .bonded import OUTSIDE, Bonded, Edge
+from .fit import Fit
+from .history import Endurance, Fretting
+from .seat_stress import MM
 from .wheelset import Wheelset
 
+if TYPE_CHECKING:
+    from .run import Turned
+
+NUMBERS = "service.json"
 SEAT = "seat.csv"
-"""Values along the seat, one row for each facet."""
+"""Values along the seat, one row for each facet; under the bonded fit, at the angle 0."""
+FRETTING = "fretting.csv"
+"""Values along the contact over a revolution, one row for each moment: two of a facet of order 2."""
 
 
-def bonded_numbers(whole: Wheelset, found: Bonded) -> dict[str, Any]:
-    """The numbers of summary.json, keys with their units."""
+def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str, Any]:
+    """The numbers of service.json, keys with their units; friction is None where nothing turned."""
     keys = whole.loads.keys
     return {
         "title": whole.scene.title,
@@ -28,7 +37,9 @@ def bonded_numbers(whole: Wheelset, found: Bonded) -> dict[str, Any]:
         "journal_moment_N_mm": keys.journal_moment,
         "lateral_force_N": keys.lateral_force,
         "torque_N_mm": keys.torque,
-        "bonded": {edge.name: _edge(edge) for edge in found.edges},
+        "bonded": {edge.name: _edge(edge) for edge in bonded.edges},
+        "friction": None if turned is None else _friction(whole.fit, turned),
+        "endurance": None if turned is None else _endurance(turned.endurance),
         "scene": dump_scene(whole.scene),
         "versions": versions(),
     }
@@ -43,14 +54,76 @@ def _edge(edge: Edge) -> dict[str, float | None]:
     }
 
 
-def bonded_columns(found: Bonded) -> dict[str, FloatArray]:
-    """The columns of seat.csv of the bonded solution, at the angle 0 of the load."""
+def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
+    wear, last = turned.fretting, turned.revolutions[-1]
+    held = wear.least_pressure > 0.0
+    middle = 0.5 * (fit.z[wear.touches].min() + fit.z[wear.touches].max())
+    sides = {"front": held & (fit.z < middle), "inner": held & (fit.z >= middle)}
     return {
-        "z_mm": found.z,
-        "nominal_stress_MPa": found.nominal,
-        "bonded_bending_stress_MPa": found.bending,
-        "bonded_normal_MPa": 2.0 * found.harmonics[1].stress[:, 0].real,
-        "bonded_shear_MPa": 2.0 * found.harmonics[1].stress[:, 3].real,
+        "steps": len(last.moments) - 1,
+        "harmonics": (turned.angles - 1) // 2,
+        "friction_work_N_mm": last.friction_work,
+        "friction_work_of_revolutions_N_mm": [each.friction_work for each in turned.revolutions],
+        "work_balance": abs(last.load_work - last.friction_work) / max(abs(last.friction_work), 1e-300),
+        "slip_left_by_revolution": wear.closes,
+        "wave_error": wear.wave_error,
+        "newton_iterations": sum(each.iterations for each in turned.revolutions),
+        "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
+        "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
+        "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
+        "opening_mm": float(wear.opening.max(initial=0.0)),
+    }
+
+
+def _endurance(found: Endurance) -> dict[str, Any]:
+    criteria = found.criteria
+    values = {
+        "crossland": criteria.crossland,
+        "dang_van": criteria.dang_van,
+        "findley": criteria.findley,
+        "swt_MPa": criteria.swt,
+        "ruiz_MPa2_mm": found.ruiz,
+    }
+    worst = {name: int(np.argmax(value)) for name, value in values.items()}
+    return {name: {"value": float(values[name][k]), "z_mm": float(found.z[k])} for name, k in worst.items()}
+
+
+def seat_columns(bonded: Bonded, turned: Turned | None) -> dict[str, FloatArray]:
+    """The columns of seat.csv; with those of the rotation where there was one."""
+    first = bonded.harmonics[1].stress
+    columns = {
+        "z_mm": bonded.z,
+        "nominal_stress_MPa": bonded.nominal,
+        "bonded_bending_stress_MPa": bonded.bending,
+        "bonded_normal_MPa": 2.0 * first[:, 0].real,
+        "bonded_shear_MPa": 2.0 * first[:, 3].real,
+    }
+    if turned is None:
+        return columns
+    found = turned.endurance
+    return columns | {
+        "largest_axial_stress_MPa": found.stress[:, :, MM].max(axis=1),
+        "least_axial_stress_MPa": found.stress[:, :, MM].min(axis=1),
+        "crossland": found.criteria.crossland,
+        "dang_van": found.criteria.dang_van,
+        "findley": found.criteria.findley,
+        "swt_MPa": found.criteria.swt,
+        "ruiz_MPa2_mm": found.ruiz,
+    }
+
+
+def fretting_columns(fit: Fit, wear: Fretting, friction: FloatArray) -> dict[str, FloatArray]:
+    """The columns of fretting.csv."""
+    return {
+        "z_mm": fit.z,
+        "friction": friction,
+        "largest_pressure_MPa": np.maximum(wear.largest_pressure, 0.0),
+        "least_pressure_MPa": np.maximum(wear.least_pressure, 0.0),
+        "largest_shear_MPa": wear.largest_shear,
+        "axial_slip_range_mm": wear.axial_range,
+        "around_slip_range_mm": wear.around_range,
+        "friction_work_N_per_mm": wear.work,
+        "opening_mm": np.maximum(wear.opening, 0.0),
     }
 
 
@@ -65,18 +138,18 @@ def write_columns(path: Path, columns: dict[str, FloatArray]) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def bonded_sentences(numbers: dict[str, Any]) -> list[str]:
-    """The bonded solution in a few lines for people."""
+def sentences(found: dict[str, Any]) -> list[str]:
+    """A service computation in a few lines for people."""
     lines = [
-        f"Loads           {numbers['journal_force_N'] / 1e3:.4g} kN on the journal and the rail, "
-        f"{numbers['journal_moment_N_mm'] / 1e6:.4g} kN m at the front end of the axle"
+        f"Loads           {found['journal_force_N'] / 1e3:.4g} kN on the journal and the rail, "
+        f"{found['journal_moment_N_mm'] / 1e6:.4g} kN m at the front end of the axle"
     ]
-    for name, edge in numbers["bonded"].items():
+    for name, edge in found["bonded"].items():
         lines.append(
             f"{name.capitalize() + ' edge':<15} nominal bending stress {edge['nominal_stress_MPa']:.1f} MPa "
             f"at z = {edge['z_mm']:.1f} mm{_bonded_said(edge)}"
         )
-    return lines
+    return lines + (_turned_said(found["friction"], found["endurance"]) if found["friction"] else [])
 
 
 def _bonded_said(edge: dict[str, float | None]) -> str:
@@ -86,3 +159,20 @@ def _bonded_said(edge: dict[str, float | None]) -> str:
     if edge["shear_power"] is not None:
         said.append(f"shear as the distance to the power {edge['shear_power']:.2f}")
     return f"; bonded: {', '.join(said)}" if said else ""
+
+
+def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[str]:
+    zone, slip = friction["slip_zone_mm"], friction["slip_range_mm"]
+    shares = ("crossland", "dang_van", "findley")
+    said = ", ".join(f"{name.replace('_', ' ').title()} {endurance[name]['value']:.2f}" for name in shares)
+    return [
+        *(
+            f"{name.capitalize() + ' slip':<15} {1e3 * slip[name]:.2f} um along the axle, over {zone[name]:.1f} mm"
+            for name in zone
+        ),
+        f"Friction work   {1e-3 * friction['friction_work_N_mm']:.4g} J per revolution; that of the loads differs by "
+        f"{friction['work_balance']:.1e}",
+        f"Steady          the last revolution leaves {friction['slip_left_by_revolution']:.1e} of the slip, and is a "
+        f"wave to {friction['wave_error']:.1e}",
+        f"Share of limit  {said}, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
+    ]

@@ -44,9 +44,7 @@ class Revolution:
 class Rotation:
     """A released fit under loads that turn."""
 
-    def __init__(
-        self, kernel: Kernel, residual: FloatArray, gap: FloatArray, friction: FloatArray, steps: int
-    ) -> None:
+    def __init__(self, kernel: Kernel, residual: FloatArray, gap: FloatArray, friction: FloatArray, steps: int) -> None:
         """The tractions (3, m) [MPa], gaps (m,) [mm] and friction (m,) of the released fit; steps of a revolution."""
         self.kernel, self.friction = kernel, friction
         self._traction = np.repeat(residual[None], kernel.angles, axis=0)
@@ -85,9 +83,7 @@ class Rotation:
             friction += self._friction_work(before, after)
             load += self._load_work(before, after)
             moments.append(after)
-        return Revolution(
-            moments=moments, friction_work=friction, load_work=load, iterations=self.iterations - counted
-        )
+        return Revolution(moments=moments, friction_work=friction, load_work=load, iterations=self.iterations - counted)
 
     def advance(self, start: Moment, time: float) -> Moment:
         """The fit at a later time, in shorter steps where one is too long.

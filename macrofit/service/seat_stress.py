@@ -1,6 +1,7 @@
 """Stress at the surface of the seat, from the tractions there and the strains of the surface.
 
-In the frame (n, m, t) of a facet, outward, along the seat and around it, n . sigma is the traction, and the surface gives
+In the frame (n, m, t) of a facet, outward, along the seat and around it, n . sigma is the traction, and the
+surface gives
 
     eps_m = d u_m / dm,   eps_t = (u_r + n b) / r,   gamma_mt = d b / dm - (b m_r + n u_m) / r
 
@@ -15,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.arrays import FloatArray
+from ..base.arrays import IntArray
 from ..bodies.body import ContactLine
-from .fit import ComplexArray
+from .elements import ComplexArray
 
 NN, MM, TT, NM, NT, MT = range(6)
 """Components of a stress in the frame of a facet; NT and MT belong to the sin family."""
@@ -62,7 +63,7 @@ def facet_mean(values: ComplexArray, order: int) -> ComplexArray:
     return np.asarray(0.5 * (start + end) if order == 1 else (start + 4.0 * values[1::2] + end) / 6.0)
 
 
-def by_facet(facets: int, facet: FloatArray, moments: ComplexArray) -> ComplexArray:
+def by_facet(facets: int, facet: IntArray, moments: ComplexArray) -> ComplexArray:
     """Means over the facets (facets, k) of moments (m, k) of equal weights; 0 where there is none."""
     count = np.bincount(facet, minlength=facets)
     out = np.zeros((facets, moments.shape[1]), dtype=moments.dtype)

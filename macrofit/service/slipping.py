@@ -3,7 +3,8 @@
 With lambda = lambda_0 + loads + S w the tractions of slip and opening w, each point has
 
     w_n = 0 and lambda_n <= 0, or lambda_n = 0 and w_n <= 0 (open);
-    q = lambda_t - rho (w_t - w_t,before),  b = -mu lambda_n:  w_t = w_t,before where |q| <= b, else lambda_t = b q / |q|
+    q = lambda_t - rho (w_t - w_t,before),  b = -mu lambda_n:
+    w_t = w_t,before where |q| <= b (stick), else lambda_t = b q / |q| (slip)
 
 The unknowns are the slips of the points that slip or open alone. A row of slip is, with e = q / |q| and beta = b / |q|,
 

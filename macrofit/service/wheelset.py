@@ -15,10 +15,10 @@ from ..contact.seat import gamma_of
 from ..errors import SceneError
 from ..press import REACH
 from ..scene.keys import ContactKeys, Scene, ServiceKeys
-from .fit import ComplexArray, Fit
+from .elements import ComplexArray
+from .fit import Fit
 from .harmonics import HarmonicBody
 from .loads import EndFace, Section, front_face, point_load, rim_node, torque_load
-
 
 MARGIN = 3.0
 """A gap closes at most by that many times what it does in the bonded fit."""
@@ -80,8 +80,7 @@ def touching(whole: Wheelset, gap: FloatArray) -> Wheelset:
     near = np.zeros(apart.moments)
     for n in (0, 1):
         loads = (whole.loads.of_axle(n), whole.loads.of_wheel(n))
-        jump, balance = closed.jump(n, *loads)
-        near += closed.opening(n, closed.response(n).traction(-jump, balance), loads, apart) * (1.0 + n)
+        near += closed.approach(n, loads, apart) * (1.0 + n)
     chosen = np.sort(np.concatenate([closed.chosen, apart.chosen[gap[apart.chosen] < MARGIN * near]]))
     return replace(whole, fit=closed if len(chosen) == closed.moments else whole.fit.of_moments(chosen))
 
@@ -105,15 +104,16 @@ def wheelset(
     if scene.direction != "radial":
         raise SceneError("service: bends a wheel on an axle, and the gap is axial here")
     keys = service_keys(scene)
-    last = scene.displacements[-1] if keys.at is None else keys.at
-    where = last if displacement is None else displacement
+    where = scene.displacements[-1] if displacement is None else displacement
     axle, wheel = (_in_harmonics(bodies[name], name) for name in ("axle", "wheel"))
     lines = (bodies["axle"].line, bodies["wheel"].line)
     if coupling is None:
         strain = scene.thermal_strain_at(len(scene.displacements) - 1)
         coupling = couple_lines(lines[0], warmed(lines[1], strain), where, REACH)
     if coupling is None or float(coupling.gap.min()) >= 0.0:
-        raise SceneError(f"service.at: at {where:g} mm nothing presses the wheel onto its seat; try another place")
+        raise SceneError(
+            f"service: at {where:g} mm nothing presses the wheel onto its seat; change motion.travel or the radii"
+        )
     line, every = lines[0], np.arange(len(coupling.normals))
     stiffness = scene.contact.penalty_stiffness if scene.contact.formulation == "penalty" else None
     penalty = ContactKeys(formulation="penalty", penalty_stiffness=stiffness)

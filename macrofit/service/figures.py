@@ -1,0 +1,96 @@
+"""The figure of a service computation: bending, slip, pressure at an edge, criteria."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, save, sheet
+
+if TYPE_CHECKING:
+    from .run import Service, Turned
+
+
+def write_figure(target: Path, found: Service) -> Path:
+    """Draw a service computation: the bonded bending stress alone, or with slip, an edge and the criteria.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    turned = found.turned
+    if turned is None:
+        figure, axes = sheet(7.0, 4.0)
+        _bending(axes[0], found)
+        axes[0].set_xlabel("z along the axle [mm]")
+    else:
+        figure, axes = sheet(11.0, 7.0, rows=2, columns=(1.0, 1.0))
+        _bending(axes[0], found)
+        _criteria(axes[2], turned)
+        _slip(figure, axes[1], found, turned)
+        _edge(axes[3], found, turned)
+        axes[1].sharex(axes[0])
+        axes[1].tick_params(labelbottom=True)
+    if found.whole.scene.title:
+        figure.suptitle(found.whole.scene.title, fontsize=10)
+    return save(figure, target)
+
+
+def _bending(axes: Any, found: Service) -> None:
+    bonded = found.bonded
+    axes.plot(bonded.z, bonded.bending, color=BLUE, lw=1.4, label="bonded fit")
+    axes.plot(bonded.z, bonded.nominal, color="0.45", lw=1.0, ls=(0, (4, 3)), label="nominal")
+    if found.turned is not None:
+        stress = found.turned.endurance.stress[:, :, 1]
+        amplitude = 0.5 * np.ptp(stress, axis=1)
+        axes.plot(bonded.z, amplitude, color=VERMILION, lw=1.4, label="with friction")
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("amplitude of axial stress [MPa]")
+    axes.legend(frameon=False, fontsize=9)
+
+
+def _slip(figure: Any, axes: Any, found: Service, turned: Turned) -> None:
+    """Axial slip over z and angle at the end of the last revolution, counted from its mean over the ring."""
+    last = turned.revolutions[-1].moments[-1]
+    slip = np.where(last.traction[:, 0] < 0.0, last.slip[:, 1], np.nan)
+    slip = 1e3 * (slip - last.slip[:, 1].mean(axis=0))
+    rows = np.vstack([slip, slip[:1]])
+    angles = np.linspace(0.0, 360.0, len(rows))
+    largest = float(np.nanmax(np.abs(rows), initial=1e-9))
+    mesh = axes.pcolormesh(
+        found.whole.fit.z, angles, rows, cmap="RdBu_r", vmin=-largest, vmax=largest, shading="nearest"
+    )
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02)
+    bar.set_label("axial slip less its mean around [um]", fontsize=9)
+    axes.set_ylabel("angle from the rail [deg]")
+    axes.grid(visible=False)
+
+
+def _edge(axes: Any, found: Service, turned: Turned) -> None:
+    """A revolution at the place with the most friction work."""
+    k = int(np.argmax(turned.fretting.work))
+    moments = turned.revolutions[-1].moments
+    angle = np.linspace(0.0, 360.0, len(moments))
+    friction = turned.friction[k]
+    axes.plot(angle, [friction * -each.traction[0, 0, k] for each in moments], color=BLACK, lw=1.0, label="mu p")
+    axes.plot(angle, [each.traction[0, 1, k] for each in moments], color=BLUE, lw=1.4, label="shear along")
+    axes.plot(angle, [each.traction[0, 2, k] for each in moments], color=GREEN, lw=1.4, label="shear around")
+    axes.set_xlabel(f"angle of the loads at z = {found.whole.fit.z[k]:.1f} mm [deg]")
+    axes.set_ylabel("traction [MPa]")
+    axes.legend(frameon=False, fontsize=9)
+
+
+def _criteria(axes: Any, turned: Turned) -> None:
+    found = turned.endurance
+    for name, values, colour in (
+        ("Crossland", found.criteria.crossland, BLUE),
+        ("Dang Van", found.criteria.dang_van, VERMILION),
+        ("Findley", found.criteria.findley, ORANGE),
+    ):
+        axes.plot(found.z, values, color=colour, lw=1.3, label=name)
+    axes.axhline(1.0, color="0.45", lw=0.9, ls=(0, (4, 3)))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("z along the axle [mm]")
+    axes.set_ylabel("share of the limit [-]")
+    axes.legend(frameon=False, fontsize=9)

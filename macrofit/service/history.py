@@ -1,0 +1,157 @@
+"""What the last revolution says along the seat: slip, friction work, stress histories, criteria."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import BoolArray, FloatArray
+from ..errors import SceneError
+from ..scene.keys import ServiceKeys
+from .bonded import Harmonic, seat_stress
+from .criteria import Criteria, Limits, judge_histories
+from .kernel import Kernel
+from .residual import Residual
+from .rotation import Revolution
+from .seat_stress import MM, MT, NM, NT, by_facet
+from .wheelset import Wheelset
+
+SLIPPED = 1e-5
+"""Range of slip above which a place slips [mm]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fretting:
+    """The seat over a revolution, (m,) moments; largest over the angles where nothing else is said."""
+
+    touches: BoolArray  # at some time
+    axial_range: FloatArray  # mm, of the slip along the seat while in contact
+    around_range: FloatArray  # mm, of the slip around it
+    work: FloatArray  # N/mm, friction work of a revolution per area, mean over the angles
+    largest_pressure: FloatArray  # MPa
+    least_pressure: FloatArray  # MPa
+    largest_shear: FloatArray  # MPa
+    opening: FloatArray  # mm, largest gap
+    front_zone: float  # mm, length from the front end of the contact over which it slips
+    inner_zone: float  # mm, from its inner end
+    closes: float  # change of the slip over the revolution, in its largest range
+    wave_error: float  # largest difference of tractions at two angles at times alike, in the largest shear
+
+
+def fretting(whole: Wheelset, last: Revolution) -> Fretting:
+    """What the last revolution did to the seat."""
+    traction = np.stack([moment.traction for moment in last.moments])
+    slip = np.stack([moment.slip for moment in last.moments])
+    closed = traction[:, :, 0] < 0.0
+    ranges = [_range(slip[:, :, i], closed).max(axis=0) for i in (1, 2)]
+    change = np.diff(slip[:, :, 1:], axis=0)
+    mean = 0.5 * (traction[1:, :, 1:] + traction[:-1, :, 1:])
+    touches = closed.any(axis=(0, 1))
+    slips = touches & (np.hypot(*ranges) > SLIPPED)
+    left = float(np.abs(slip[-1, :, 1:] - slip[0, :, 1:])[:, :, closed.all(axis=(0, 1))].max(initial=0.0))
+    largest = float(np.hypot(*ranges).max(initial=0.0))
+    front, inner = _zones(whole.fit.z, touches, slips)
+    return Fretting(
+        touches=touches,
+        axial_range=ranges[0],
+        around_range=ranges[1],
+        work=-(mean * change).sum(axis=(0, 2)).mean(axis=0),
+        largest_pressure=-traction[:, :, 0].min(axis=(0, 1)),
+        least_pressure=-traction[:, :, 0].max(axis=(0, 1)),
+        largest_shear=np.hypot(traction[:, :, 1], traction[:, :, 2]).max(axis=(0, 1)),
+        opening=-slip[:, :, 0].min(axis=(0, 1)),
+        front_zone=front,
+        inner_zone=inner,
+        closes=left / largest if largest > 0.0 else 0.0,
+        wave_error=_wave_error(traction),
+    )
+
+
+def _range(values: FloatArray, closed: BoolArray) -> FloatArray:
+    """Largest less smallest value over the times (times, ...) that are closed; 0 where none is."""
+    high = np.where(closed, values, -np.inf).max(axis=0)
+    low = np.where(closed, values, np.inf).min(axis=0)
+    return np.where(closed.any(axis=0), high - np.where(np.isfinite(low), low, 0.0), 0.0)
+
+
+def _zones(z: FloatArray, touches: BoolArray, slips: BoolArray) -> tuple[float, float]:
+    """Lengths from both ends of the contact to the first place that sticks [mm]."""
+    place, slipping = z[touches], slips[touches]
+    if not len(place):
+        return 0.0, 0.0
+    stuck = place[~slipping]
+    whole = float(place[-1] - place[0])
+    return (whole, whole) if not len(stuck) else (float(stuck[0] - place[0]), float(place[-1] - stuck[-1]))
+
+
+def _wave_error(traction: FloatArray) -> float:
+    """How far (times + 1, K, 3, m) is from a wave that turns with the loads, in the largest shear."""
+    steps, angles = len(traction) - 1, traction.shape[1]
+    shear, every = traction[:-1, :, 1:], steps // angles
+    turned = np.stack([np.roll(shear[:, k], -k * every, axis=0) for k in range(angles)])
+    largest = float(np.abs(shear).max())
+    return float(np.abs(turned - turned[0]).max()) / largest if largest > 0.0 else 0.0
+
+
+def stress_histories(
+    whole: Wheelset, kernel: Kernel, harmonics: list[Harmonic], residual: Residual, last: Revolution
+) -> FloatArray:
+    """Stress (facets, times, 6) of the seat at the angle 0 over a revolution, the residual stress included [MPa]."""
+    start = residual.traction[:, whole.fit.chosen].reshape(-1)
+    sines = np.ones(6, dtype=np.complex128)
+    sines[[NT, MT]] = -1j
+    times = []
+    for moment in last.moments[1:]:
+        added = kernel.amplitudes(moment.traction.reshape(kernel.angles, -1) - start) / kernel.turn
+        total = residual.stress.copy()
+        for n, each in enumerate(harmonics):
+            moved = each.moved * np.exp(-2j * np.pi * n * moment.time)
+            stress = sines * seat_stress(whole, n, added[n], moved)
+            total += (1.0 if n == 0 else 2.0) * stress.real
+        times.append(total)
+    return np.stack(times, axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endurance:
+    """Criteria along the seat, (facets,)."""
+
+    z: FloatArray  # middles of the facets [mm]
+    stress: FloatArray  # (facets, times, 6) MPa
+    criteria: Criteria
+    ruiz: FloatArray  # MPa2 mm
+
+
+def limits_of(keys: ServiceKeys) -> Limits:
+    """The fatigue limits of the keys.
+
+    Raises:
+        SceneError: no criterion has constants for them.
+    """
+    torsion = 0.6 * keys.bending_limit if keys.torsion_limit is None else keys.torsion_limit
+    if not 0.5 < torsion / keys.bending_limit < 1.0:
+        raise SceneError(
+            f"service.torsion_limit: {torsion:g} must be above 1/2 and below 1 of bending_limit, "
+            f"{keys.bending_limit:g}; steels have 0.55 to 0.65"
+        )
+    return Limits(bending=keys.bending_limit, torsion=torsion)
+
+
+def endurance(whole: Wheelset, stress: FloatArray, wear: Fretting) -> Endurance:
+    """The criteria of the seat's stress histories.
+
+    Raises:
+        SceneError: see `limits_of`.
+    """
+    line = whole.fit.lines[0]
+    limits = limits_of(whole.loads.keys)
+    middles = 0.5 * (line.coordinate[1:] + line.coordinate[:-1])
+    along = by_facet(line.facets, whole.fit.facet, wear.axial_range.astype(np.complex128)[:, None]).real[:, 0]
+    shear = np.abs(stress[:, :, NM]).max(axis=1)
+    return Endurance(
+        z=middles,
+        stress=stress,
+        criteria=judge_histories(stress, limits, line.material),
+        ruiz=np.maximum(stress[:, :, MM].max(axis=1), 0.0) * shear * along,
+    )
