@@ -244,7 +244,7 @@ class ServiceKeys(Keys, frozen=True):
         int,
         msgspec.Meta(ge=1, le=100),
         told("Revolutions that are followed, behind the one in which the loads come up [-]."),
-    ] = 4
+    ] = 3
     bending_limit: Annotated[
         Positive, told("What the axle's steel bears for ever in reversed bending, without fretting [MPa].")
     ] = 200.0

@@ -92,7 +92,8 @@ def in_bending(whole: Wheelset, found: list[Harmonic]) -> Bonded:
 
 def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: FloatArray) -> Edge:
     portions, place = whole.fit.coupling.portions, whole.fit.z
-    at, out = (portions.start.min(), -1.0) if name == "front" else (portions.end.max(), 1.0)
+    used = whole.fit.chosen // portions.points.shape[1]
+    at, out = (portions.start[used[0]], -1.0) if name == "front" else (portions.end[used[-1]], 1.0)
     beside = float(at + out * OUTSIDE)
     distance = out * (at - place)
     inside = (distance > EDGE[0]) & (distance < EDGE[1]) & (shear > 0.0)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, save, sheet
+from ..base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, blank, placed, plain, save, sheet
+from .history import in_contact
 
 if TYPE_CHECKING:
     from .run import Service, Turned
@@ -23,15 +24,16 @@ def write_figure(target: Path, found: Service) -> Path:
     if turned is None:
         figure, axes = sheet(7.0, 4.0)
         _bending(axes[0], found)
-        axes[0].set_xlabel("z along the axle [mm]")
     else:
-        figure, axes = sheet(11.0, 7.0, rows=2, columns=(1.0, 1.0))
-        _bending(axes[0], found)
-        _criteria(axes[2], turned)
-        _slip(figure, axes[1], found, turned)
-        _edge(axes[3], found, turned)
-        axes[1].sharex(axes[0])
-        axes[1].tick_params(labelbottom=True)
+        figure = blank(11.0, 7.2)
+        bending, slip, criteria, edge = (
+            plain(placed(figure, left, bottom, width, 2.7))
+            for left, bottom, width in ((0.8, 3.9, 4.4), (6.0, 3.9, 4.8), (0.8, 0.7, 4.4), (6.0, 0.7, 4.4))
+        )
+        _bending(bending, found)
+        _slip(figure, slip, found, turned)
+        _criteria(criteria, turned)
+        _edge(edge, found, turned)
     if found.whole.scene.title:
         figure.suptitle(found.whole.scene.title, fontsize=10)
     return save(figure, target)
@@ -46,24 +48,26 @@ def _bending(axes: Any, found: Service) -> None:
         amplitude = 0.5 * np.ptp(stress, axis=1)
         axes.plot(bonded.z, amplitude, color=VERMILION, lw=1.4, label="with friction")
     axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("z along the axle [mm]")
     axes.set_ylabel("amplitude of axial stress [MPa]")
     axes.legend(frameon=False, fontsize=9)
 
 
 def _slip(figure: Any, axes: Any, found: Service, turned: Turned) -> None:
-    """Axial slip over z and angle at the end of the last revolution, counted from its mean over the ring."""
-    last = turned.revolutions[-1].moments[-1]
-    slip = np.where(last.traction[:, 0] < 0.0, last.slip[:, 1], np.nan)
-    slip = 1e3 * (slip - last.slip[:, 1].mean(axis=0))
-    rows = np.vstack([slip, slip[:1]])
-    angles = np.linspace(0.0, 360.0, len(rows))
-    largest = float(np.nanmax(np.abs(rows), initial=1e-9))
-    mesh = axes.pcolormesh(
-        found.whole.fit.z, angles, rows, cmap="RdBu_r", vmin=-largest, vmax=largest, shading="nearest"
-    )
+    """Axial slip at the angle 0 over a revolution, counted from its mean; white where the fit is open."""
+    moments = turned.revolutions[-1].moments
+    slip = 1e3 * np.stack([each.slip[0, 1] for each in moments])
+    closed = in_contact(np.stack([each.traction for each in moments]))[:, 0]
+    shown = np.where(closed, slip - slip[1:].mean(axis=0), np.nan)
+    angles = np.linspace(0.0, 360.0, len(moments))
+    largest = float(np.nanmax(np.abs(shown), initial=1e-9))
+    z, colours = found.whole.fit.z, {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
+    mesh = axes.pcolormesh(z, angles, shown, shading="nearest", **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
-    bar.set_label("axial slip less its mean around [um]", fontsize=9)
-    axes.set_ylabel("angle from the rail [deg]")
+    bar.set_label("axial slip from its mean [um]", fontsize=9)
+    axes.set_xlim(found.bonded.z[0], found.bonded.z[-1])
+    axes.set_xlabel("z along the axle [mm]")
+    axes.set_ylabel("angle of the loads [deg]")
     axes.grid(visible=False)
 
 

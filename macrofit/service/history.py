@@ -19,6 +19,8 @@ from .wheelset import Wheelset
 
 SLIPPED = 1e-5
 """Range of slip above which a place slips [mm]."""
+TOUCHES = 1e-6
+"""Pressure above which a place is in contact, in the largest one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,7 @@ class Fretting:
     """The seat over a revolution, (m,) moments; largest over the angles where nothing else is said."""
 
     touches: BoolArray  # at some time
+    always: BoolArray  # in contact at all times
     axial_range: FloatArray  # mm, of the slip along the seat while in contact
     around_range: FloatArray  # mm, of the slip around it
     work: FloatArray  # N/mm, friction work of a revolution per area, mean over the angles
@@ -35,25 +38,30 @@ class Fretting:
     opening: FloatArray  # mm, largest gap
     front_zone: float  # mm, length from the front end of the contact over which it slips
     inner_zone: float  # mm, from its inner end
-    closes: float  # change of the slip over the revolution, in its largest range
-    wave_error: float  # largest difference of tractions at two angles at times alike, in the largest shear
+    left: tuple[float, float]  # change of the slip along and around over the revolution, in its largest range
+    wave_errors: tuple[float, float]  # see `_wave_error`: of pressure and shear along the seat, of shear around it
 
 
 def fretting(whole: Wheelset, last: Revolution) -> Fretting:
     """What the last revolution did to the seat."""
     traction = np.stack([moment.traction for moment in last.moments])
     slip = np.stack([moment.slip for moment in last.moments])
-    closed = traction[:, :, 0] < 0.0
+    closed = in_contact(traction)
     ranges = [_range(slip[:, :, i], closed).max(axis=0) for i in (1, 2)]
     change = np.diff(slip[:, :, 1:], axis=0)
     mean = 0.5 * (traction[1:, :, 1:] + traction[:-1, :, 1:])
     touches = closed.any(axis=(0, 1))
     slips = touches & (np.hypot(*ranges) > SLIPPED)
-    left = float(np.abs(slip[-1, :, 1:] - slip[0, :, 1:])[:, :, closed.all(axis=(0, 1))].max(initial=0.0))
-    largest = float(np.hypot(*ranges).max(initial=0.0))
+    always = closed.all(axis=(0, 1))
+    left = np.abs(slip[-1] - slip[0])[:, :, always].max(axis=(0, 2), initial=0.0)[1:]
+    left /= max(float(ranges[0].max(initial=0.0)), 1e-300)
+    shears = [_wave_error(traction[:, :, part][..., always]) for part in (slice(0, 2), slice(2, 3))]
+    size = max(float(np.abs(traction[:, :, 1:]).max(initial=0.0)), 1e-300)
+    wave = [error / size for error in shears]
     front, inner = _zones(whole.fit.z, touches, slips)
     return Fretting(
         touches=touches,
+        always=always,
         axial_range=ranges[0],
         around_range=ranges[1],
         work=-(mean * change).sum(axis=(0, 2)).mean(axis=0),
@@ -63,9 +71,15 @@ def fretting(whole: Wheelset, last: Revolution) -> Fretting:
         opening=-slip[:, :, 0].min(axis=(0, 1)),
         front_zone=front,
         inner_zone=inner,
-        closes=left / largest if largest > 0.0 else 0.0,
-        wave_error=_wave_error(traction),
+        left=(float(left[0]), float(left[1])),
+        wave_errors=(wave[0], wave[1]),
     )
+
+
+def in_contact(traction: FloatArray) -> BoolArray:
+    """Where tractions (times, K, 3, m) press (times, K, m), rounding left out."""
+    normal = traction[:, :, 0]
+    return np.asarray(normal < TOUCHES * normal.min())
 
 
 def _range(values: FloatArray, closed: BoolArray) -> FloatArray:
@@ -86,12 +100,10 @@ def _zones(z: FloatArray, touches: BoolArray, slips: BoolArray) -> tuple[float, 
 
 
 def _wave_error(traction: FloatArray) -> float:
-    """How far (times + 1, K, 3, m) is from a wave that turns with the loads, in the largest shear."""
+    """How far tractions (times + 1, K, ...) are from a wave that turns with the loads [MPa]: between times alike."""
     steps, angles = len(traction) - 1, traction.shape[1]
-    shear, every = traction[:-1, :, 1:], steps // angles
-    turned = np.stack([np.roll(shear[:, k], -k * every, axis=0) for k in range(angles)])
-    largest = float(np.abs(shear).max())
-    return float(np.abs(turned - turned[0]).max()) / largest if largest > 0.0 else 0.0
+    turned = [np.roll(traction[:-1, k], -k * (steps // angles), axis=0) for k in range(angles)]
+    return max(float(np.abs(each - turned[0]).max(initial=0.0)) for each in turned)
 
 
 def stress_histories(

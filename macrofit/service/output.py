@@ -56,7 +56,7 @@ def _edge(edge: Edge) -> dict[str, float | None]:
 
 def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
     wear, last = turned.fretting, turned.revolutions[-1]
-    held = wear.least_pressure > 0.0
+    held = wear.always
     middle = 0.5 * (fit.z[wear.touches].min() + fit.z[wear.touches].max())
     sides = {"front": held & (fit.z < middle), "inner": held & (fit.z >= middle)}
     return {
@@ -65,8 +65,8 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "friction_work_N_mm": last.friction_work,
         "friction_work_of_revolutions_N_mm": [each.friction_work for each in turned.revolutions],
         "work_balance": abs(last.load_work - last.friction_work) / max(abs(last.friction_work), 1e-300),
-        "slip_left_by_revolution": wear.closes,
-        "wave_error": wear.wave_error,
+        "slip_left_by_revolution": dict(zip(("axial", "around"), wear.left, strict=True)),
+        "wave_error": dict(zip(("axial", "around"), wear.wave_errors, strict=True)),
         "newton_iterations": sum(each.iterations for each in turned.revolutions),
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
         "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
@@ -172,7 +172,7 @@ def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[st
         ),
         f"Friction work   {1e-3 * friction['friction_work_N_mm']:.4g} J per revolution; that of the loads differs by "
         f"{friction['work_balance']:.1e}",
-        f"Steady          the last revolution leaves {friction['slip_left_by_revolution']:.1e} of the slip, and is a "
-        f"wave to {friction['wave_error']:.1e}",
+        f"Steady          the last revolution leaves {friction['slip_left_by_revolution']['axial']:.1e} of the slip, "
+        f"and is a wave to {friction['wave_error']['axial']:.1e}",
         f"Share of limit  {said}, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
     ]

@@ -29,6 +29,10 @@ RHO = 2e4
 TOLERANCE = 1e-9
 """Residual of a step, in the largest pressure."""
 ITERATIONS = 40
+SINGULAR = 1e-13
+"""Reciprocal condition number below which a linear problem has no solution of use."""
+VISCOUS = 1e-2
+"""Resistance that slip gets then, in RHO."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +90,8 @@ def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -
         if opens.any() or slips.any():
             slip += _correction(kernel, law, (traction, moved), q, bound, opens, slips)
         traction = still + _respond(kernel, slip)
+        if not np.isfinite(traction).all():
+            break
     return Solved(traction=traction, slip=slip, iterations=ITERATIONS, converged=False)
 
 
@@ -157,9 +163,18 @@ def _solved(
     influence = kernel.gathered((angle, place), (angle[chosen], place[chosen]))
     rows = (mixing @ influence.reshape(p, 3, -1)).reshape(3 * p, -1)[chosen]
     point, component = np.divmod(chosen, 3)
-    same = point[:, None] == point[None, :]
-    r, c = np.nonzero(same)
+    r, c = np.nonzero(point[:, None] == point[None, :])
     rows[r, c] += own[point[r], component[r], component[c]]
     out = np.zeros(3 * p)
-    out[chosen] = sla.solve(rows, -residual.ravel()[chosen], overwrite_a=True, check_finite=False)
+    out[chosen] = _regular_solution(rows, -residual.ravel()[chosen])
     return out.reshape(p, 3)
+
+
+def _regular_solution(rows: FloatArray, right: FloatArray) -> FloatArray:
+    """The solution; where the guess has everything slip, which leaves the wheel free, with viscous slip instead."""
+    norm = float(np.abs(rows).sum(axis=0).max())
+    lu, pivots, info = sla.lapack.dgetrf(rows)
+    if info or sla.lapack.dgecon(lu, norm)[0] < SINGULAR:
+        rows[np.diag_indices(len(rows))] += VISCOUS * RHO
+        lu, pivots, info = sla.lapack.dgetrf(rows)
+    return np.asarray(sla.lapack.dgetrs(lu, pivots, right)[0])

@@ -42,7 +42,7 @@ class Loads:
 
     def of_wheel(self, n: int) -> ComplexArray:
         """Nodal amplitudes (nodes, 3) on the wheel [N]."""
-        return (self.wheel + self.around if n == 0 else self.wheel).astype(np.complex128)
+        return self.wheel + (1j if n == 0 else 0j) * self.around  # b stands for i u_t
 
     def moment(self, z: FloatArray) -> FloatArray:
         """Bending moment of the axle at z [N mm], positive where it is compressed at the angle 0."""
