@@ -113,7 +113,7 @@ def _on_planes(tensor: FloatArray, weight: float, material: Material) -> tuple[F
 def _worst(measure: Measure, history: FloatArray, normals: FloatArray) -> float:
     """The largest value of a history over the planes, sought ever finer around the worst."""
     best = 0.0
-    for finer in (1.0, 5.0, 25.0, 125.0):
+    for finer in (1.0, 5.0, 25.0, 125.0, 625.0):
         found = measure(normals, history)
         k = int(np.argmax(found))
         best = max(best, float(found[k]))

@@ -9,6 +9,8 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..base.files import write_text
+from ..plasticity.material import hardening
+from ..results.doubts import doubtful_lines
 from ..results.versions import versions
 from ..scene import dump_scene
 from .bonded import OUTSIDE, Bonded, Edge
@@ -25,6 +27,10 @@ SEAT = "seat.csv"
 """Values along the seat, one row for each facet; under the bonded fit, at the angle 0."""
 FRETTING = "fretting.csv"
 """Values along the contact over a revolution, one row for each moment: two of a facet of order 2."""
+STEADY = 5e-3
+"""Slip that a revolution may leave, in the largest range of slip."""
+BALANCED = 1e-3
+"""How far the work of the loads may be from that of friction, in this."""
 
 
 def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str, Any]:
@@ -40,6 +46,7 @@ def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str,
         "bonded": {edge.name: _edge(edge) for edge in bonded.edges},
         "friction": None if turned is None else _friction(whole.fit, turned),
         "endurance": None if turned is None else _endurance(turned.endurance),
+        "doubts": [] if turned is None else service_doubts(whole, turned),
         "scene": dump_scene(whole.scene),
         "versions": versions(),
     }
@@ -73,6 +80,25 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
         "opening_mm": float(wear.opening.max(initial=0.0)),
     }
+
+
+def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
+    """What speaks against a rotation, in one sentence each."""
+    wear, last, found = turned.fretting, turned.revolutions[-1], []
+    if not wear.always.any():
+        found.append(
+            "no place of the seat stays in contact all around: the wheel lifts off as it turns; lower the loads"
+        )
+    if wear.left[0] > STEADY:
+        found.append(
+            f"the wheel creeps: the last revolution leaves {wear.left[0]:.1%} of the slip; try more "
+            f"service.revolutions, and if it stays, lower the loads"
+        )
+    if abs(last.load_work - last.friction_work) > BALANCED * abs(last.friction_work) > 0.0:
+        found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
+    if any(hardening(body.material) for body in (whole.scene.axle, whole.scene.wheel)):
+        found.append("steel that yielded in the press is taken as elastic in service (shakedown)")
+    return found
 
 
 def _endurance(found: Endurance) -> dict[str, Any]:
@@ -149,7 +175,9 @@ def sentences(found: dict[str, Any]) -> list[str]:
             f"{name.capitalize() + ' edge':<15} nominal bending stress {edge['nominal_stress_MPa']:.1f} MPa "
             f"at z = {edge['z_mm']:.1f} mm{_bonded_said(edge)}"
         )
-    return lines + (_turned_said(found["friction"], found["endurance"]) if found["friction"] else [])
+    if found["friction"]:
+        lines += _turned_said(found["friction"], found["endurance"])
+    return lines + doubtful_lines(found["doubts"])
 
 
 def _bonded_said(edge: dict[str, float | None]) -> str:

@@ -16,6 +16,7 @@ from ..bodies.body import Body
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
 from ..errors import SceneError
+from ..friction import GivenFriction, ScriptFriction
 from ..press import REACH, Press
 from ..release import is_held, let_go
 from ..scene.keys import Scene
@@ -36,8 +37,8 @@ class Residual:
     stress: FloatArray  # (facets, 6) of the seat, see `seat_stress` [MPa]
 
 
-def pressed_and_released(scene: Scene) -> tuple[Residual, Mapping[str, Body]]:
-    """Press the wheel on, let it go, and give what is left with the bodies.
+def pressed_and_released(scene: Scene, friction: GivenFriction | None = None) -> tuple[Residual, Mapping[str, Body]]:
+    """Press the wheel on, let it go, and give what is left with the bodies; ``friction`` stands for the scene's.
 
     Raises:
         SceneError: the bodies never meet, or nothing holds the wheel.
@@ -47,7 +48,8 @@ def pressed_and_released(scene: Scene) -> tuple[Residual, Mapping[str, Body]]:
     assembly = assemble(scene, MPI.COMM_SELF)
     seat, wheel = assembly.seat, assembly.wheel
     check_approach(scene, seat.line.side, wheel.line.side)
-    field = friction_field(scene, MPI.COMM_SELF, seat, wheel)
+    script = None if friction is None else ScriptFriction(friction)
+    field = friction_field(scene, MPI.COMM_SELF, seat, wheel, script)
     press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
     before = after = press.rest()
     for _, state in press.increments(before):
@@ -55,6 +57,11 @@ def pressed_and_released(scene: Scene) -> tuple[Residual, Mapping[str, Body]]:
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
     steps, _ = let_go(press, after) if held else press.advance_to(before, after.displacement, strain)
+    if not steps[-1].facets.pressure.any():
+        raise SceneError(
+            f"service: at {after.displacement:g} mm nothing presses the wheel onto its seat; change motion.travel or "
+            f"the radii"
+        )
     if not steps[-1].facets.friction.any():
         raise SceneError("friction: without it nothing holds the wheel in service; give a coefficient")
     return _residual(press, steps[-1], after.axial_force), assembly.bodies

@@ -126,7 +126,7 @@ class Rotation:
 
     def _friction_work(self, before: Moment, after: Moment) -> float:
         mean = 0.5 * (before.traction + after.traction)
-        each = (mean * (after.slip - before.slip)).sum(axis=1)
+        each = (mean * (after.slip - before.slip))[:, 1:].sum(axis=1)
         return -float((each @ self.kernel.fit.weight).sum()) / self.kernel.angles
 
     def _load_work(self, before: Moment, after: Moment) -> float:
@@ -137,11 +137,12 @@ class Rotation:
 
     def _lost(self, time: float) -> str:
         scale, angle = _load_at(time)
-        at = f"at {scale:.0%} of the load" if time < 0.0 else f"at {math.degrees(angle) % 360.0:.0f} degrees"
+        degrees = f"{math.degrees(angle) % 360.0:.0f} degrees"
+        turned = f" of revolution {math.floor(time) + 1}" if time >= 0.0 else ""
         return (
-            f"service: no equilibrium was found beyond {at} of revolution {max(0, math.floor(time)) + 1}: the wheel "
-            f"slides on its seat or lifts off; lower service.journal_force and journal_moment, raise the friction or "
-            f"the interference, or try more service.steps"
+            f"service: no equilibrium was found beyond {scale:.0%} of the loads at {degrees}{turned}: the wheel slides "
+            f"on its seat or lifts off; lower the loads, raise the friction or the interference, or try more "
+            f"service.steps"
         )
 
 

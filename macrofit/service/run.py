@@ -14,6 +14,7 @@ from ..base.arrays import FloatArray
 from ..base.files import write_json, writing
 from ..bodies.body import Body
 from ..errors import SceneError
+from ..friction import GivenFriction
 from ..monitor import lines_of_first
 from ..results.folder import prepare_for_all
 from ..scene import Scene
@@ -48,15 +49,22 @@ class Service:
     turned: Turned | None
 
 
-def serve(scene: Scene, say: Callable[[str], None] = lambda _: None) -> Service:
+def serve(
+    scene: Scene, say: Callable[[str], None] = lambda _: None, *, friction: GivenFriction | None = None
+) -> Service:
     """Press the wheel of a scene on, release it, and turn it under its loads with friction.
+
+    Args:
+        scene: the wheelset, its press and its loads.
+        say: told of the release and of every revolution.
+        friction: an object in place of the scene's [friction], see `solve`.
 
     Raises:
         SceneError: nothing can bend, or nothing holds the wheel.
         ConvergenceError: the press, or the wheel slides or lifts off in service.
     """
     limits_of(service_keys(scene))
-    residual, bodies = pressed_and_released(scene)
+    residual, bodies = pressed_and_released(scene, friction)
     say(f"Released        at {residual.displacement:.6g} mm, after {residual.force / 1e3:.5g} kN")
     whole, found = _with_harmonics(scene, residual, bodies)
     return Service(whole=whole, bonded=in_bending(whole, found), turned=_turned(whole, found, residual, say))

@@ -1,0 +1,85 @@
+"""`macrofit service`: its folder, its lines, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from macrofit.cli import main
+from macrofit.service import output
+
+SHORT = (
+    "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=30",
+    "wheel.bore_radius=94.85", "friction.options.coefficient=0.2", "service.harmonics=1", "service.steps=9",
+)  # fmt: skip
+
+
+def read_table(path: Path) -> dict[str, np.ndarray]:
+    head, *rows = path.read_text().split()
+    return dict(zip(head.split(","), np.array([row.split(",") for row in rows], dtype=float).T, strict=True))
+
+
+def service(folder: Path, *more: str, scene: str = "wheelset", bonded: bool = False) -> Result:
+    changes = [word for change in (*SHORT, *more) for word in ("--set", change)]
+    words = ["service", scene, *changes, "-o", str(folder), *(["--bonded"] if bonded else [])]
+    return CliRunner(mix_stderr=False).invoke(main, words)
+
+
+def test_folder_has_numbers_tables_and_a_figure(tmp_path: Path) -> None:
+    folder = tmp_path / "served"
+    result = service(folder)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads((folder / output.NUMBERS).read_text())
+    seat, wear = read_table(folder / output.SEAT), read_table(folder / output.FRETTING)
+    assert (folder / "service.png").stat().st_size > 10_000
+    assert found["friction"]["steps"] == 9
+    assert found["endurance"]["crossland"]["value"] == pytest.approx(seat["crossland"].max())
+    assert np.diff(wear["z_mm"]).min() > 0.0
+    assert (wear["largest_shear_MPa"] <= 0.2 * wear["largest_pressure_MPa"] + 1e-3).all()
+    for word in ("Released", "Revolution 3", "Front edge", "Inner slip", "Friction work", "Share of limit"):
+        assert word in result.stdout
+
+
+def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Path) -> None:
+    folder = tmp_path / "served"
+    assert service(folder).exit_code == 0
+    result = service(folder, bonded=True)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads((folder / output.NUMBERS).read_text())
+    assert found["friction"] is None
+    assert 1.0 < found["bonded"]["inner"]["stress_concentration"] < 3.0
+    assert not (folder / output.FRETTING).exists()
+
+
+def test_loads_scale_the_nominal_stress(tmp_path: Path) -> None:
+    service(tmp_path / "one", bonded=True)
+    service(tmp_path / "two", "service.journal_force=220e3", "service.journal_moment=12e7", bonded=True)
+    one, two = (read_table(tmp_path / name / output.SEAT) for name in ("one", "two"))
+    for column in ("nominal_stress_MPa", "bonded_bending_stress_MPa", "bonded_shear_MPa"):
+        assert two[column] == pytest.approx(2.0 * one[column], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("scene", "more", "said"),
+    [
+        ("wheelset", ("service.harmonics=0",), "service.harmonics: 0 must not be below 1"),
+        ("wheelset", ("service.torsion_limit=250",), "must be above 1/2 and below 1 of bending_limit"),
+        ("wheelset", ("friction.options.coefficient=0",), "nothing holds the wheel"),
+    ],
+)
+def test_mistakes_end_in_one_line(tmp_path: Path, scene: str, more: tuple[str, ...], said: str) -> None:
+    result = service(tmp_path / "served", *more, scene=scene)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert result.stderr.strip().count("\n") == 0
+
+
+def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    result = service(tmp_path)
+    assert result.exit_code == 2
+    assert "holds no run of macrofit" in result.stderr
