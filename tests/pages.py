@@ -64,6 +64,10 @@ SMALLER = {
     "[22,180]": "[22,24]", "=[180]": "=[24]", "=1:200": "=1:2", "=1:5": "=1:2",
     "=0.01,0.03,0.05,0.07,0.09": "=0.01,0.09",
 }  # fmt: skip
+SERVICE_KEYS = [
+    "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.increment=30", "service.harmonics=1",
+    "service.steps=9",
+]  # fmt: skip
 PAIRS = {"1000": "20", "100": "2"}
 
 
@@ -75,6 +79,8 @@ def toy(words: list[str]) -> list[str]:
             rest = [word.replace(large, small) for word in rest]
         coarse = ["--set", "mesh.seat_facet=4"] if command == "converge" else ["--preset", "fast"]
         return [program, command, *rest, *([] if "--preset" in rest else coarse), *SHORT]
+    if program == "macrofit" and command == "service":
+        return [program, command, *rest, *(word for key in SERVICE_KEYS for word in ("--set", key))]
     if program == "macrofit-meso" and command in ("run", "sample"):
         quick = "engine.speed=200000" if "as-published" in rest else "engine.increment=0.05"
         return [program, command, *rest, *LIGHT_PLATES, "--set", quick, *(["--no-figures"] * (command == "run"))]

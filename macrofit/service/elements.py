@@ -53,7 +53,7 @@ class Stiffness:
     parts: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]
 
     def at(self, n: int) -> sp.csr_matrix:
-        """K_n [N/mm]."""
+        """The stiffness K_n of a harmonic [N/mm]."""
         first, second, third = self.parts
         return (first + float(n) * second + float(n * n) * third).tocsr()
 

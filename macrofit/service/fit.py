@@ -43,7 +43,7 @@ class Response:
         return np.asarray(self.matrix @ slip + self.held @ balance)
 
     def rigid(self, slip: ComplexArray, balance: ComplexArray) -> ComplexArray:
-        """q (k,)."""
+        """The rigid motions q (k,) of the wheel."""
         return np.asarray(self.to_motion @ slip + self.by_balance @ balance)
 
 

@@ -58,6 +58,7 @@ def test_a_mistake_on_the_way_takes_the_bar_away(tmp_path: Path) -> None:
     ("macrofit", ["study", "wheelset", "--vary", "motion.increment=1"]),
     ("macrofit", ["identify", "wheelset", "--curve", "none.csv"]),
     ("macrofit", ["converge", "wheelset"]),
+    ("macrofit", ["service", "wheelset"]),
     ("meso", ["run"]),
     ("meso", ["sample"]),
     ("meso", ["calibrate"]),

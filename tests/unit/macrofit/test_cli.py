@@ -78,7 +78,7 @@ def solver(monkeypatch):
 def test_help_names_every_command():
     shown = macrofit("--help")
     assert shown.exit_code == 0
-    for command in ("run", "converge", "scenes", "providers", "init", "check", "schema", "plot"):
+    for command in ("run", "converge", "service", "scenes", "providers", "init", "check", "schema", "plot"):
         assert f"\n  {command} " in shown.stdout
 
 
