@@ -7,6 +7,7 @@ arrays (K, 3 m), real; their amplitudes (H + 1, 3 m) have -i b around the axle (
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -82,6 +83,11 @@ class Kernel:
         return float(total)
 
     def gathered(self, rows: tuple[IntArray, IntArray], columns: tuple[IntArray, IntArray]) -> FloatArray:
-        """The influence of columns on rows, both (angles, places among 3 m)."""
-        apart = (rows[0][:, None] - columns[0][None, :]) % self.angles
-        return np.asarray(self.between_angles[apart, rows[1][:, None], columns[1][None, :]])
+        """The influence of columns on rows, both (angles in ascending order, places among 3 m)."""
+        out = np.empty((len(rows[0]), len(columns[0])))
+        ends = [np.searchsorted(angle, np.arange(self.angles + 1)) for angle, _ in (rows, columns)]
+        for i, j in product(range(self.angles), repeat=2):
+            across, along = (slice(end[k], end[k + 1]) for end, k in zip(ends, (i, j), strict=True))
+            block = self.between_angles[(i - j) % self.angles]
+            out[across, along] = block[rows[1][across, None], columns[1][along]]
+        return out
