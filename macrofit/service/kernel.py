@@ -6,6 +6,7 @@ arrays (K, 3 m), real; their amplitudes (H + 1, 3 m) have -i b around the axle (
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from itertools import product
 
@@ -14,7 +15,7 @@ import numpy as np
 from ..base.arrays import FloatArray, IntArray
 from .bonded import Harmonic
 from .elements import ComplexArray
-from .fit import Fit
+from .fit import Fit, Response
 
 
 class Kernel:
@@ -38,8 +39,11 @@ class Kernel:
     def respond(self, slip: FloatArray) -> FloatArray:
         """S w (K, 3 m) [MPa] of a slip (K, 3 m) [mm]."""
         plain = self.amplitudes(slip) / self.turn
-        parts = [response.matrix @ part for response, part in zip(self._responses, plain, strict=True)]
-        return self.values(self.turn * np.stack(parts))
+        parts = [response.matrix @ part.view(np.float64).reshape(-1, 2) for response, part in self._each(plain)]
+        return self.values(self.turn * np.stack(parts).view(np.complex128)[..., 0])
+
+    def _each(self, amplitudes: ComplexArray) -> Iterator[tuple[Response, ComplexArray]]:
+        return zip(self._responses, np.ascontiguousarray(amplitudes), strict=True)
 
     def amplitudes(self, values: FloatArray) -> ComplexArray:
         """Amplitudes (H + 1, 3 m) of values (K, 3 m)."""

@@ -17,6 +17,9 @@ Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008) 572-596 (doi 10.1137/060671061
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from inspect import signature
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg as sla
@@ -29,6 +32,10 @@ RHO = 2e4
 TOLERANCE = 1e-9
 """Residual of a step, in the largest pressure."""
 ITERATIONS = 40
+DENSE = 400
+"""Unknowns from which on a linear problem is solved by GMRES."""
+LINEAR = 1e-8
+"""Its tolerance."""
 SINGULAR = 1e-13
 """Reciprocal condition number below which a linear problem has no solution of use."""
 VISCOUS = 1e-2
@@ -140,34 +147,84 @@ def _correction(
     residual = _residual(traction, q, bound, opens, slips)[k, :, j]
     residual += np.einsum("pij,pj->pi", mixing, (moved - traction)[k, :, j])
     unknown = np.stack([free, np.ones_like(free), np.ones_like(free)], axis=1)
-    step = _solved(kernel, (k, j), mixing, own, unknown, residual)
+    linear = Linear(kernel=kernel, points=(k, j), mixing=mixing, own=own, unknown=unknown)
+    step = linear.solve(residual, DENSE)
     out = np.zeros_like(traction)
     out[k, :, j] = step
     return out
 
 
-def _solved(
-    kernel: Kernel,
-    points: tuple[IntArray, IntArray],
-    mixing: FloatArray,
-    own: FloatArray,
-    unknown: BoolArray,
-    residual: FloatArray,
-) -> FloatArray:
-    """d w (p, 3) with mixing (S d w) + own d w = -residual, for the unknown components of p points."""
-    k, j = points
-    p, m = len(k), kernel.fit.moments
-    angle = np.repeat(k, 3)
-    place = (np.arange(3) * m + j[:, None]).ravel()
-    chosen = np.flatnonzero(unknown.ravel())
-    influence = kernel.gathered((angle, place), (angle[chosen], place[chosen]))
-    rows = (mixing @ influence.reshape(p, 3, -1)).reshape(3 * p, -1)[chosen]
-    point, component = np.divmod(chosen, 3)
-    r, c = np.nonzero(point[:, None] == point[None, :])
-    rows[r, c] += own[point[r], component[r], component[c]]
-    out = np.zeros(3 * p)
-    out[chosen] = _regular_solution(rows, -residual.ravel()[chosen])
-    return out.reshape(p, 3)
+@dataclass(frozen=True, kw_only=True)
+class Linear:
+    """mixing (S d w) + own d w = -residual at p points, for the unknown components of d w (p, 3)."""
+
+    kernel: Kernel
+    points: tuple[IntArray, IntArray]  # angle and moment of each
+    mixing: FloatArray  # (p, 3, 3)
+    own: FloatArray  # (p, 3, 3)
+    unknown: BoolArray  # (p, 3)
+
+    @cached_property
+    def chosen(self) -> IntArray:
+        """The unknown components among all."""
+        return np.flatnonzero(self.unknown.ravel())
+
+    @cached_property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Angle, and place among 3 m, of all components (3 p,)."""
+        k, j = self.points
+        return np.repeat(k, 3), (np.arange(3) * self.kernel.fit.moments + j[:, None]).ravel()
+
+    def solve(self, residual: FloatArray, most: int) -> FloatArray:
+        """d w (p, 3): by elimination, or by GMRES where there are more than ``most`` unknowns."""
+        right, out = -residual.ravel()[self.chosen], np.zeros(residual.size)
+        found = self._iterated(right) if len(right) > most else None
+        out[self.chosen] = (
+            _regular_solution(self.rows(slice(0, len(self.points[0]))), right) if found is None else found
+        )
+        return out.reshape(residual.shape)
+
+    def rows(self, part: slice) -> FloatArray:
+        """The matrix of the unknowns of consecutive points."""
+        angle, place = (each[3 * part.start : 3 * part.stop] for each in self.places)
+        inside = np.flatnonzero(self.unknown[part].ravel())
+        influence = self.kernel.gathered((angle, place), (angle[inside], place[inside]))
+        count = len(influence) // 3
+        rows = (self.mixing[part] @ influence.reshape(count, 3, -1)).reshape(3 * count, -1)[inside]
+        point, component = np.divmod(inside, 3)
+        r, c = np.nonzero(point[:, None] == point[None, :])
+        rows[r, c] += self.own[part][point[r], component[r], component[c]]
+        return np.asarray(rows)
+
+    def times(self, unknowns: FloatArray) -> FloatArray:
+        """The matrix times the unknowns, by the harmonics."""
+        moved = np.zeros(3 * len(self.points[0]))
+        moved[self.chosen] = unknowns
+        slip = np.zeros((self.kernel.angles, 3 * self.kernel.fit.moments))
+        slip[self.places] = moved
+        traction = self.kernel.respond(slip)[self.places].reshape(-1, 3)
+        both = np.einsum("pij,pj->pi", self.mixing, traction) + np.einsum("pij,pj->pi", self.own, moved.reshape(-1, 3))
+        return np.asarray(both.ravel()[self.chosen])
+
+    def _iterated(self, right: FloatArray) -> FloatArray | None:
+        """By GMRES, its preconditioner the points of each angle by themselves; None where it does not get there."""
+        from scipy.sparse.linalg import LinearOperator, gmres  # 0.1 s that small problems need not wait for
+
+        ends = np.searchsorted(self.points[0], np.arange(self.kernel.angles + 1))
+        parts = [slice(int(a), int(b)) for a, b in pairwise(ends) if b > a]
+        factors = [sla.lapack.dgetrf(self.rows(part))[:2] for part in parts]
+        counts = np.cumsum([0, *(int(self.unknown[part].sum()) for part in parts)])
+
+        def by_angle(vector: FloatArray) -> FloatArray:
+            shares = zip(factors, pairwise(counts), strict=True)
+            return np.concatenate([sla.lapack.dgetrs(*lu, vector[a:b])[0] for lu, (a, b) in shares])
+
+        size = (len(right), len(right))
+        exact = {"rtol" if "rtol" in signature(gmres).parameters else "tol": LINEAR}
+        found, info = gmres(
+            LinearOperator(size, self.times), right, M=LinearOperator(size, by_angle), restart=60, maxiter=2, **exact
+        )
+        return None if info or not np.isfinite(found).all() else np.asarray(found)
 
 
 def _regular_solution(rows: FloatArray, right: FloatArray) -> FloatArray:
