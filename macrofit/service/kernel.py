@@ -6,7 +6,6 @@ arrays (K, 3 m), real; their amplitudes (H + 1, 3 m) have -i b around the axle (
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 from itertools import product
 
@@ -15,7 +14,7 @@ import numpy as np
 from ..base.arrays import FloatArray, IntArray
 from .bonded import Harmonic
 from .elements import ComplexArray
-from .fit import Fit, Response
+from .fit import Fit
 
 
 class Kernel:
@@ -38,12 +37,17 @@ class Kernel:
 
     def respond(self, slip: FloatArray) -> FloatArray:
         """S w (K, 3 m) [MPa] of a slip (K, 3 m) [mm]."""
-        plain = self.amplitudes(slip) / self.turn
-        parts = [response.matrix @ part.view(np.float64).reshape(-1, 2) for response, part in self._each(plain)]
-        return self.values(self.turn * np.stack(parts).view(np.complex128)[..., 0])
+        return self.product([response.matrix for response in self._responses], self.turn, slip)
 
-    def _each(self, amplitudes: ComplexArray) -> Iterator[tuple[Response, ComplexArray]]:
-        return zip(self._responses, np.ascontiguousarray(amplitudes), strict=True)
+    def between(self, places: IntArray) -> list[FloatArray]:
+        """S of each harmonic between some places (q,) among 3 m."""
+        return [response.matrix[places[:, None], places] for response in self._responses]
+
+    def product(self, matrices: list[FloatArray], turn: ComplexArray, slip: FloatArray) -> FloatArray:
+        """Tractions (K, q) [MPa] of slips (K, q) at places with these S and this factor around the axle."""
+        plain = np.ascontiguousarray(self.amplitudes(slip) / turn)
+        pairs = zip(matrices, plain.view(np.float64).reshape(len(plain), -1, 2), strict=True)
+        return self.values(turn * np.stack([matrix @ part for matrix, part in pairs]).view(np.complex128)[..., 0])
 
     def amplitudes(self, values: FloatArray) -> ComplexArray:
         """Amplitudes (H + 1, 3 m) of values (K, 3 m)."""

@@ -25,6 +25,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from ..base.arrays import BoolArray, FloatArray, IntArray
+from .elements import ComplexArray
 from .kernel import Kernel
 
 RHO = 2e4
@@ -198,13 +199,23 @@ class Linear:
 
     def times(self, unknowns: FloatArray) -> FloatArray:
         """The matrix times the unknowns, by the harmonics."""
+        matrices, turn, places = self._near
         moved = np.zeros(3 * len(self.points[0]))
         moved[self.chosen] = unknowns
-        slip = np.zeros((self.kernel.angles, 3 * self.kernel.fit.moments))
-        slip[self.places] = moved
-        traction = self.kernel.respond(slip)[self.places].reshape(-1, 3)
+        slip = np.zeros((self.kernel.angles, len(turn)))
+        slip[places] = moved
+        traction = self.kernel.product(matrices, turn, slip)[places].reshape(-1, 3)
         both = np.einsum("pij,pj->pi", self.mixing, traction) + np.einsum("pij,pj->pi", self.own, moved.reshape(-1, 3))
         return np.asarray(both.ravel()[self.chosen])
+
+    @cached_property
+    def _near(self) -> tuple[list[FloatArray], ComplexArray, tuple[IntArray, IntArray]]:
+        """S between the moments that slip somewhere, their factor around the axle, and where all components stand."""
+        k, j = self.points
+        moments, own = np.unique(j, return_inverse=True)
+        among = (np.arange(3)[:, None] * self.kernel.fit.moments + moments).ravel()
+        places = (np.arange(3) * len(moments) + own[:, None]).ravel()
+        return self.kernel.between(among), self.kernel.turn[among], (np.repeat(k, 3), places)
 
     def _iterated(self, right: FloatArray) -> FloatArray | None:
         """By GMRES, its preconditioner the points of each angle by themselves; None where it does not get there."""

@@ -10,6 +10,7 @@ from small import small_press
 
 from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
+from macrofit.service import slipping
 from macrofit.service.run import Service, bonded_only, serve
 
 COARSE = (
@@ -76,6 +77,19 @@ def test_wheel_is_in_balance_at_all_times() -> None:
     turned = 2.0 * np.pi * moment.time
     load = found.whole.loads.keys.journal_force * np.array([np.cos(turned), np.sin(turned)])
     assert across / found.turned.angles == pytest.approx(-load, abs=1e-6 * np.abs(load).max())
+
+
+def test_iteration_gives_what_elimination_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    short = ("service.steps=14", "service.revolutions=1", "motion.increment=30")
+    found = []
+    for most in (10**6, 0):
+        monkeypatch.setattr(slipping, "DENSE", most)
+        turned = serve(small(*short)).turned
+        assert turned is not None
+        found.append(turned.revolutions[-1])
+    largest = np.abs(found[0].moments[-1].slip[:, 1:]).max()
+    for one, two in zip(found[0].moments, found[1].moments, strict=True):
+        assert two.slip == pytest.approx(one.slip, abs=1e-7 * largest)
 
 
 def test_less_friction_slips_farther() -> None:
