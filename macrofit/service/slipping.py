@@ -233,7 +233,13 @@ class Linear:
         size = (len(right), len(right))
         exact = {"rtol" if "rtol" in signature(gmres).parameters else "tol": LINEAR}
         found, info = gmres(
-            LinearOperator(size, self.times), right, M=LinearOperator(size, by_angle), restart=60, maxiter=2, **exact
+            LinearOperator(size, self.times),
+            right,
+            M=LinearOperator(size, by_angle),
+            restart=60,
+            maxiter=2,
+            atol=0.0,
+            **exact,
         )
         return None if info or not np.isfinite(found).all() else np.asarray(found)
 
