@@ -307,11 +307,11 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-service")
     with ending(comm, target, resumes=False):
-        from .scene import load_scene
+        from ..scene import load_scene
 
         resolved = load_scene(scene, overrides)
         import_mesher()
-        from .service.run import carry_out_service
+        from ..service.run import carry_out_service
 
         lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet)
         for line in [] if quiet else lines:
