@@ -12,6 +12,10 @@ Two limits of the steel give all constants: f in reversed bending, t in reversed
   of strain; s^2 / E in reversed bending.
 - Ruiz, Chen (1986): s_max tau_max delta [MPa2 mm], the stress along the seat, the shear and the range of slip there.
 
+The ball shrinks onto its support: its centre walks towards that of the support's own ball until a further point stops
+it, which joins; a point that the centre lies beyond leaves. Fischer, Gaertner, Kutz, *Fast smallest-enclosing-ball
+computation in high dimensions*, ESA 2003 (doi 10.1007/978-3-540-39658-1_57).
+
 All but Ruiz' look at the stress alone; at a surface that frets they say where a crack may begin.
 """
 
@@ -27,10 +31,13 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..scene.material import Material
-from .ball import smallest_ball
 
 PLANES = 15
 """Degrees between the normals of the planes that are searched first."""
+
+ROUNDING = 1e-12
+STEPS = 1000
+"""Walks of the centre of a ball, at most."""
 
 Measure: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 """Values on planes (planes, 3) of a history (times, 3, 3)."""
@@ -159,3 +166,54 @@ def _swt(normals: FloatArray, history: FloatArray, material: Material) -> FloatA
     normal = np.einsum("pi,tij,pj->pt", normals, history, normals)
     strain = ((1.0 + nu) * normal - nu * np.trace(history, axis1=1, axis2=2)) / E
     return np.asarray(np.maximum(normal.max(axis=1), 0.0) * 0.5 * np.ptp(strain, axis=1))
+
+
+def smallest_ball(points: FloatArray) -> tuple[FloatArray, float]:
+    """Centre (d,) and radius of the smallest ball around points (n, d)."""
+    spread = float(np.ptp(points, axis=0).max(initial=0.0))
+    if spread <= 0.0:
+        return points[0].copy(), 0.0
+    centre = points.mean(axis=0)
+    support = [int(np.argmax(_squares(points - centre)))]
+    for _ in range(STEPS):
+        target, shares = _circle(points[support], centre)
+        way = target - centre
+        if np.abs(way).max() <= ROUNDING * spread:
+            if shares.min() >= -ROUNDING or len(support) == 1:
+                break
+            support.pop(int(np.argmin(shares)))
+            continue
+        along, stop = _stopped(points, support, centre, way)
+        centre = centre + along * way
+        if stop is not None:
+            support.append(stop)
+    return centre, float(np.sqrt(_squares(points - centre).max()))
+
+
+def _squares(vectors: FloatArray) -> FloatArray:
+    return np.asarray((vectors * vectors).sum(axis=-1))
+
+
+def _circle(support: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The point of the support's affine hull that is nearest to the centre, and its shares in the points."""
+    edges = support[1:] - support[0]
+    if not len(edges):
+        return support[0], np.ones(1)
+    parts = np.linalg.lstsq(edges.T, centre - support[0], rcond=None)[0]
+    return support[0] + parts @ edges, np.append(1.0 - parts.sum(), parts)
+
+
+def _stopped(points: FloatArray, support: list[int], centre: FloatArray, way: FloatArray) -> tuple[float, int | None]:
+    """How far the centre can go along its way until a point outside the support stops it, and which."""
+    reach = points[support[0]]
+    apart = points - reach
+    slope = 2.0 * (apart @ -way)
+    room = float(_squares(reach - centre)) - _squares(points - centre)
+    closing = slope > ROUNDING * float(_squares(way))
+    closing[support] = False
+    if not closing.any():
+        return 1.0, None
+    where = np.flatnonzero(closing)
+    limits = np.maximum(room[where], 0.0) / slope[where]
+    first = int(np.argmin(limits))
+    return (1.0, None) if limits[first] >= 1.0 else (float(limits[first]), int(where[first]))

@@ -15,7 +15,7 @@ from ..results.versions import versions
 from ..scene import dump_scene
 from .bonded import OUTSIDE, Bonded, Edge
 from .fit import Fit
-from .history import Endurance, Fretting
+from .history import SLIPPED, Endurance, Fretting
 from .seat_stress import MM
 from .wheelset import Wheelset
 
@@ -31,6 +31,8 @@ STEADY = 5e-3
 """Slip that a revolution may leave, in the largest range of slip."""
 BALANCED = 1e-3
 """How far the work of the loads may be from that of friction, in this."""
+LEAST_WORK = 100.0
+"""Friction work of a revolution below which it is counted as that much [N mm]; a wheelset has 1e3 to 1e5."""
 
 
 def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str, Any]:
@@ -89,12 +91,12 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
         found.append(
             "no place of the seat stays in contact all around: the wheel lifts off as it turns; lower the loads"
         )
-    if wear.left[0] > STEADY:
+    if wear.left[0] > STEADY and wear.axial_range.max() > SLIPPED:
         found.append(
             f"the wheel creeps: the last revolution leaves {wear.left[0]:.1%} of the slip; try more "
             f"service.revolutions, and if it stays, lower the loads"
         )
-    if abs(last.load_work - last.friction_work) > BALANCED * abs(last.friction_work) > 0.0:
+    if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
     if any(hardening(body.material) for body in (whole.scene.axle, whole.scene.wheel)):
         found.append("steel that yielded in the press is taken as elastic in service (shakedown)")

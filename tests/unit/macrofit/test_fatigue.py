@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from macrofit.scene.material import Material
-from macrofit.service.ball import smallest_ball
-from macrofit.service.criteria import Limits, judge_histories
+from macrofit.service.criteria import Limits, judge_histories, smallest_ball
 
 LIMITS = Limits(bending=240.0, torsion=150.0)
 STEEL = Material(youngs_modulus=206e3, poisson_ratio=0.3)
