@@ -68,7 +68,7 @@ SERVICE_KEYS = [
     "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.increment=30", "service.harmonics=1",
     "service.steps=9",
 ]  # fmt: skip
-PAIRS = {"1000": "20", "100": "2"}
+PAIRS = {"1000": "24", "100": "2"}
 
 
 def toy(words: list[str]) -> list[str]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from macrofit.base.arrays import FloatArray
 
-from .kernels import SAMPLES, nearest, shade
+from .shading import SAMPLES, nearest, shade
 
 LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 """Direction the light comes from, in the frame of the picture: right, up, towards the viewer."""

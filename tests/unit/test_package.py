@@ -20,7 +20,7 @@ import macrofit
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("macrofit", "meso", "surrogate")
 BUILD = "import sys; from setuptools import build_meta; print(build_meta.build_{what}(sys.argv[1]))"
-OF_THE_SYSTEM = {"basix", "dolfinx", "ffcx", "ufl", "petsc4py", "numba", "gmsh", "h5py", "cffi"}
+OF_THE_SYSTEM = {"basix", "dolfinx", "ffcx", "ufl", "petsc4py", "numba", "llvmlite", "gmsh", "h5py", "cffi"}
 """Modules that come with dolfinx and from Debian, not from a package index; see pyproject.toml."""
 
 IF_THERE = {"SurfaceTopography"}

@@ -549,7 +549,7 @@ def test_the_page_of_the_documentation_holds(tmp_path, monkeypatch, curve_file):
     monkeypatch.chdir(tmp_path)
     Path(curve_file("ramp")).rename("press.csv")
     Path("my.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])
-    commands = re.findall(r"^\.venv/bin/macrofit (judge press.+)$", page, re.MULTILINE)
+    commands = re.findall(r"^macrofit (judge press.+)$", page, re.MULTILINE)
     assert [macrofit(*command.split()).exit_code for command in commands] == [0, 0, 0]
     assert json.loads(Path("verdict.json").read_text())["standard"] == "Wheel shop, template 7"
     for name in BY_TEMPLATE:
