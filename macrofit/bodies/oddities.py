@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import FloatArray
+from ..base.arrays import FloatArray, planar_cross
 from .triangles import CORNERS, IntArray, MeshData, doubled_area, place, tabulate_edges
 
 LEAST_TURN = np.radians(0.3)
@@ -45,7 +45,7 @@ class Outline:
     def turn(self, a: IntArray, b: IntArray, c: IntArray, d: IntArray) -> FloatArray:
         """By how much the direction from c to d differs from that from a to b [rad]."""
         first, second = self.points[b] - self.points[a], self.points[d] - self.points[c]
-        return np.asarray(np.arctan2(np.cross(first, second), (first * second).sum(axis=1)))
+        return np.asarray(np.arctan2(planar_cross(first, second), (first * second).sum(axis=1)))
 
     def turn_at(self, at: IntArray) -> FloatArray:
         """The turn at points of the boundary."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from ..base.arrays import FloatArray
+from ..base.arrays import FloatArray, planar_cross
 from ..errors import MeshError
 
 IntArray = npt.NDArray[np.int64]
@@ -146,7 +146,7 @@ def check_sound(where: str, points: FloatArray, triangles: IntArray, table: Edge
         raise MeshError(f"{where}: more than two elements share the edge at {place(middle)}; elements lie upon others")
     inner = table.owner[:, 1] >= 0
     a, b = points[table.ends[inner, 0]], points[table.ends[inner, 1]]
-    sides = [np.cross(b - a, points[table.opposite[inner, k]] - a) for k in range(2)]
+    sides = [planar_cross(b - a, points[table.opposite[inner, k]] - a) for k in range(2)]
     folded = np.flatnonzero(sides[0] * sides[1] > 0.0)
     if len(folded):
         middle = 0.5 * (a + b)[folded[0]]
@@ -167,7 +167,7 @@ def _check_around_points(where: str, points: FloatArray, triangles: IntArray, ta
     angle = np.zeros(len(points))
     for a, b in CORNERS:
         ahead, back = (points[triangles[:, k]] - points[triangles[:, a]] for k in (b, 3 - a - b))
-        np.add.at(angle, triangles[:, a], np.abs(np.arctan2(np.cross(ahead, back), (ahead * back).sum(axis=1))))
+        np.add.at(angle, triangles[:, a], np.abs(np.arctan2(planar_cross(ahead, back), (ahead * back).sum(axis=1))))
     full = np.flatnonzero(angle > 2.0 * np.pi + 1e-6)
     if len(full):
         raise MeshError(f"{where}: elements lie upon others around {place(points[full[0]])}; the mesh is folded there")
