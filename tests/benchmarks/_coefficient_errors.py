@@ -19,10 +19,10 @@ from surrogate.data.samples import Samples
 from surrogate.data.table import read_table
 from surrogate.evaluation.measured import arrange_tests
 from surrogate.evaluation.predicted import predict_tests
+from surrogate.network.checkpoint import load_checkpoint
 from surrogate.network.dataset import pair_tensors
-from surrogate.network.predict import Predictor
 from surrogate.network.score import predict_pairs
-from surrogate.network.shipped import EVALUATION
+from surrogate.network.shipped import EVALUATION, NETWORK
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -138,8 +138,7 @@ def evaluated() -> tuple[float, float, float, float]:
     """Of the evaluation at `MICRO`: the network's mean error and its standard error, over the coefficient; standard
     deviations of the network's error against the mean over packings and of one packing, over that stated."""
     data = arrange_tests(read_table(EVALUATION).samples)
-    predictor = Predictor()
-    answer = predict_tests(predictor.model, predictor.provenance, data)
+    answer = predict_tests(*load_checkpoint(NETWORK), data)
     k = int(np.argmin(np.abs(data.micro - MICRO)))
     meso, said, stated = data.meso[..., k], answer.mean[:, 0, k], answer.spread[:, 0, k]  # (n, p), (n,), (n,)
     off = (said - meso.mean(1)) / meso.mean(1)
@@ -153,8 +152,9 @@ def common_to_packing(samples: Samples) -> float:
 
     From the variance between packings in a one-way analysis of plates less network, at least 0 (Searle et al. 1992).
     """
-    predictor, data = Predictor(), pair_tensors(samples)
-    mean, spread = predict_pairs(predictor.model, data)
+    model, about = load_checkpoint(NETWORK)
+    data = pair_tensors(samples, points=about.points)
+    mean, spread = predict_pairs(model, data)
     off = ((data.meso - mean) / spread).double().mean(1).numpy()  # the same at all micro coefficients but for a
     _, group = np.unique(samples.packing_seed, return_inverse=True)
     size = np.bincount(group)

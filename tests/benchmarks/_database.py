@@ -67,7 +67,7 @@ def made_up(count: int, rng: np.random.Generator | None = None) -> Samples:
             rows[name] = rng.normal(scale=keys.max_height / 4.0, size=rows[name].shape)
     rows["max_height"], rows["levels"], rows["hurst_exponent"] = 0.02, 3, 0.8
     rows["micro_friction"] = (0.03, 0.07)
-    rows["minimum_normal"] = 1.0
+    rows["minimum_normal"], rows["pressure"] = 1.0, 170.0
     with torch.inference_mode():
         faces = [torch.from_numpy(rows[name].copy()) for name in ("wheel", "axle")]
         b = Foundation([3e4], 170.0)(*faces)[0].numpy()

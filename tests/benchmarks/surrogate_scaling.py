@@ -108,10 +108,12 @@ def databases(every: Samples, sizes: Sequence[int], folder: Path, repeats: int) 
 def predictions(sizes: Sequence[int], repeats: int) -> Iterator[dict[str, float]]:
     """CPU time of pairs of the fewest surfaces that have as many."""
     predictor = Predictor()
+    points = predictor.provenance.points
     for size in sizes:
         faces = int(np.ceil(np.sqrt(size)))
         wheels, axles = (
-            np.stack([generated_face(body, 65536 * k, FaceKeys()) for k in range(faces)]) for body in ("wheel", "axle")
+            np.stack([generated_face(body, 65536 * k, FaceKeys(), points) for k in range(faces)])
+            for body in ("wheel", "axle")
         )
         wheel, axle = np.divmod(np.arange(size), faces)
         taken, _ = cpu(partial(predictor, wheels, axles, wheel, axle, 0.07), repeats)
