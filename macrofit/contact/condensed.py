@@ -156,7 +156,8 @@ class CondensedProblem:
     ) -> None:
         if len(active):
             matrix = self.matrix(status, kappa, friction, active, sticking)
-            self._lu = sla.lu_factor(matrix, overwrite_a=True, check_finite=False)
+            # a pivot of zero gives numbers that are not finite, with which no step converges: it is cut back
+            self._lu = sla.lapack.dgetrf(matrix, overwrite_a=True)[:2]
             self.engine.factorisations += 1
 
     def matrix(

@@ -240,7 +240,6 @@ class BodyStep:
         self._whole = before.state.strain.copy()
         self._chosen = np.zeros(body.count, dtype=bool)
         points, gained = body.expected(before, moved)
-        self.expected_square = float(np.square(gained).sum())
         self._chosen[points] = True
         self._take()
         self.x = self._part.strain.copy()
