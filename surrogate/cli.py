@@ -347,7 +347,7 @@ def predict(
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
-    announce(LOADING, quiet=False)
+    announce("Network         loading", quiet=False)
     from msgspec.structs import asdict
 
     from meso.settings import decode

@@ -29,7 +29,6 @@ ROOT = Path(__file__).parents[2]
 LISTED = 4  # packages
 INCREMENT, COEFFICIENT = r"^increment +1/", r"^Micro"
 CURVE, CURVE_TEXT = "press.csv", "displacement_mm,force_kN\n" + "".join(f"{s},{5.5 * s}\n" for s in range(181))
-BARS = {"macrofit --help": 0.15, "macrofit run wheelset": 2.5}  # s on the clock
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,7 @@ class Command:
         return ["-m", module, *rest]
 
 
+BARS = {Command("macrofit --help"): 0.15, Command("macrofit run wheelset", INCREMENT): 2.5}  # s on the clock
 COMMANDS = (
     Command("macrofit --help"),
     Command("macrofit scenes"),
@@ -56,6 +56,10 @@ COMMANDS = (
     Command("macrofit schema"),
     Command("macrofit run wheelset", INCREMENT),
     Command("macrofit run wheelset --set friction.provider=surrogate", INCREMENT),
+    Command("macrofit run wheelset"),
+    Command("macrofit run wheelset --preset fast"),
+    Command("macrofit run wheelset --set friction.provider=surrogate"),
+    Command("macrofit-meso run"),
     Command("macrofit study wheelset --vary friction.options.coefficient=0.1,0.12 --set motion.travel=1"),
     Command("macrofit-meso --help"),
     Command("macrofit-meso surface"),
@@ -126,7 +130,7 @@ def main(words: Sequence[str]) -> int:
     over = []
     for command in commands:
         wall, spent, modules, largest = measure(command, repeats)
-        bar = BARS.get(command.words)
+        bar = BARS.get(command)
         if bar is not None and median(wall.seconds) > bar:
             over.append(command.words)
         until = {INCREMENT: "first increment", COEFFICIENT: "first coefficient", None: "its end"}[command.until]
