@@ -50,15 +50,14 @@ def thermal_slip(bore: ContactLine, coupling: MortarCoupling, change: float) -> 
 
 
 def heat_work(bore: ContactLine, loads: tuple[FloatArray, FloatArray], change: float) -> float:
-    """Work [N mm] of a change of the thermal strain against the loads on the bore before and after.
+    """Work [N mm] of a change of the thermal strain against the mean of the loads on the bore before and after.
 
-    Pressures grow from the one to the other; friction has its last value, as in the work of the press.
+    What slip adds to it, where friction has its last value from the first slip on, is in `state.slip_work`.
     """
     if change == 0.0:
         return 0.0
-    (radial, _), (radial_now, axial_now) = (load.reshape(2, -1) for load in loads)
-    along_r, along_z = change * free_expansion(bore).reshape(2, -1)
-    return -float(0.5 * (radial + radial_now) @ along_r + axial_now @ along_z)
+    before, after = loads
+    return -0.5 * change * float((before + after) @ free_expansion(bore))
 
 
 def free_expansion(bore: ContactLine) -> FloatArray:
