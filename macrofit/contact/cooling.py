@@ -19,7 +19,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..bodies.body import ContactLine
 from .interface import MortarCoupling
-from .release import Solved, force_free
+from .release import Solved, ends, force_free
 
 
 def warmed(bore: ContactLine, thermal_strain: float) -> ContactLine:
@@ -39,7 +39,7 @@ def cooled(fit_at: Callable[[float], Solved]) -> Solved:
         The fit at 0 where there is no such place: friction does not hold what the slope of the fit pushes.
     """
     held = fit_at(0.0)
-    if not held.report.converged or abs(held.force) <= 1e-10 * held.friction_bound or held.friction_bound == 0.0:
+    if ends(held) or held.friction_bound == 0.0:
         return held
     return force_free(fit_at, 0.0, held.force) or held
 

@@ -15,7 +15,7 @@ from macrofit.errors import OutputError, SceneError
 from macrofit.results.foresight import foreseen
 from macrofit.results.journal import Journal, named_files
 from macrofit.scene import Scene, build_scene, dump_scene, idle_keys, load_scene
-from macrofit.scene.deviation import Deviation, deviation_of
+from macrofit.scene.deviation import Deviation, deviation_of, read_profile
 
 MESHES = Path(__file__).parents[3] / "meshes"
 PLAIN = "0,1.5\n90,-2\n185,4\n"
@@ -280,3 +280,26 @@ def test_the_snippets_of_the_page_make_a_scene(tmp_path: Path) -> None:
     seat = deviation_of(scene, "axle")
     assert seat is not None
     assert seat.at(np.array([20.0])) == pytest.approx(3.4e-3)
+
+
+def test_a_profile_is_read_once_and_anew_where_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checks, bodies and what is foreseen ask for it: one of 3 MB takes 2 s to read."""
+    import macrofit.scene.deviation as module
+    from macrofit.bodies.approach import sides_of
+
+    read = []
+
+    def counted(file: Path, key: str) -> Deviation:
+        read.append(file)
+        return read_profile(file, key)
+
+    monkeypatch.setattr(module, "read_profile", counted)
+    scene = scene_with(tmp_path, "0;1\n190;1\n", "axle")
+    sides_of(scene)
+    foreseen(scene)
+    assert len(read) == 1
+    (tmp_path / "profile.csv").write_text("0;10\n190;10\n")
+    changed = deviation_of(scene, "axle")
+    assert changed is not None
+    assert changed.largest == pytest.approx(0.01)
+    assert len(read) == 2
