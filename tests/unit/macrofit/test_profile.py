@@ -169,8 +169,11 @@ def test_a_body_from_a_file_has_a_profile_too(tmp_path: Path) -> None:
         ("0,0.004\n185,-0.012\n", "small profile: axle.profile deviates by 0.012 um at most"),
         ("0,4\n185,1200\n", "large profile: axle.profile deviates by up to 1200 um, 4 times the interference"),
         ("\n".join(f"{0.05 * k},{10 * (-1) ** k}" for k in range(3801)), "rough profile: axle.profile varies by 10 um"),
+        ("\n".join(f"{0.05 * k},{0.1 * k}" for k in range(3801)), None),
+        ("0,90\n100,96\n185,94\n", None),
+        ("z_mm,deviation_um\n0,95\n185,95\n", None),
     ],
-    ids=["sound", "small", "large", "rough"],
+    ids=["sound", "small", "large", "rough", "a slope of many points", "100 um", "95 um, stated"],
 )
 def test_what_looks_wrong_is_doubted(text: str, doubt: str | None, tmp_path: Path) -> None:
     said = [line for line in foreseen(scene_with(tmp_path, text)) if " profile: " in line]
