@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from ..errors import SceneError
 from .deviation import deviation_of
-from .keys import Disc, Hub, MeshFile, Scene, Shaft
+from .keys import AXLE_TEMPERATURE, Disc, Hub, MeshFile, Scene, Shaft
 from .material import ChabocheHardening, Material, TabulatedHardening, yield_stress
 from .profile import SMALL_STRAIN, bore_profile, overlap, sampled, seat_profile
 
@@ -293,7 +293,7 @@ def _check_surfaces(scene: Scene) -> None:
             )
     _need(
         not getattr(scene.axle, "temperature", 0.0),
-        "axle.temperature: the axle has that of the surroundings; wheel.temperature says how much warmer the wheel is",
+        AXLE_TEMPERATURE,
     )
     cooling = scene.motion.cooling
     _need(

@@ -197,6 +197,7 @@ def test_check_says_what_it_takes(tmp_path: Path) -> None:
     [
         ("wheel.temperature=-20", "wheel.temperature: "),
         ("wheel.temperature=900", "wheel.temperature: "),
+        ("axle.temperature=-150", "axle.temperature: the axle has that of the surroundings; wheel.temperature says"),
         ("wheel.material.expansion=0", "wheel.material.expansion: "),
         ("wheel.material.expansion=11.5", "wheel.material.expansion: "),
         ("motion.cooling=4", "motion.cooling: 4 increments of a wheel that is not heated; give wheel.temperature too"),
