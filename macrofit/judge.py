@@ -17,11 +17,10 @@ from .errors import OutputError
 from .identify.measured import FAR, Measured, Reading, read_measured
 from .results.folder import CURVE, SCENE, SUMMARY, read_curve
 from .scene import load_scene
+from .scene.profile import SMALL_STRAIN
 
 EXIT_CODES = {"accepted": 0, "refused": 1, "undecided": 2}
 """What `macrofit judge` ends with."""
-LARGEST_INTERFERENCE = 0.02
-"""Interference over the diameter; steel yields at a tenth of it."""
 MOST_BYTES = 10_000_000
 """Size of a summary.json; one has a few thousand."""
 
@@ -100,7 +99,7 @@ def _check_seat(path: Path, measured: Measured, diameter: float, length: float, 
         OutputError: the dimension that is.
     """
     way = float(np.ptp(measured.displacement))
-    if interference > LARGEST_INTERFERENCE * diameter:
+    if interference > SMALL_STRAIN * diameter:
         raise OutputError(
             f"--interference {interference:g}: {interference:g} mm are too much for a diameter of {diameter:g} mm; "
             f"--diameter, --length and --interference are in mm"

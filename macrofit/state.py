@@ -126,7 +126,7 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_work=sum(step.settled.work for step in steps if step.settled is not None),
         plastic_strain=0.0 if last.settled is None else last.settled.largest,
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
-        work=_work(before, steps) + sum(step.heat for step in steps),
+        work=_work(before, steps),
         torque=last.torque,
         wall_s=wall_s,
         facets=last.facets,
@@ -151,7 +151,7 @@ def slip_work(before: State, after: State, moved: FloatArray, contact: ContactPr
 
 
 def _work(before: State, steps: list[Step]) -> float:
-    """Work of the press [N mm] over steps: the mean of the force before and after each, and what slip adds to it.
+    """Work of the press and of heat [N mm] over steps: by the mean force before and after each, and what slip adds.
 
     Where bodies stick the force grows along a step, and its mean is exact; where they slip, friction has its final
     value from the first slip on, which is also what the step dissipates.
@@ -159,6 +159,6 @@ def _work(before: State, steps: list[Step]) -> float:
     work = 0.0
     for state, step in zip([before, *(step.state for step in steps)], steps, strict=False):
         moved = step.state.displacement - state.displacement
-        if moved != 0.0:
-            work += 0.5 * (state.axial_force + step.state.axial_force) * moved + step.slip_work
+        if moved != 0.0 or step.heat != 0.0:
+            work += 0.5 * (state.axial_force + step.state.axial_force) * moved + step.heat + step.slip_work
     return work

@@ -15,8 +15,8 @@ from .bodies.elasticity import von_mises
 from .bodies.stress import StressEvaluator
 from .bodies.surface import surface_stress
 from .parallel import owner
-from .plasticity.material import yield_stress
 from .scene.keys import Scene
+from .scene.material import yield_stress
 from .solution import BodyField, Extreme, Increment, YieldZone
 from .state import State
 

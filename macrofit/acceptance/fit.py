@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..base.arrays import FloatArray
-from ..plasticity.material import yield_stress
 from ..scene import Hub, Scene, Shaft
+from ..scene.material import yield_stress
 from .curve import Curve
 
 FEWEST = 5

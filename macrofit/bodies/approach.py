@@ -13,9 +13,8 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..errors import SceneError
-from ..scene.checks import SMALL_STRAIN
 from ..scene.keys import MeshFile, Scene
-from ..scene.profile import sampled
+from ..scene.profile import SMALL_STRAIN, sampled
 from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
 from .magnitudes import check_drawing
 from .reader import read_mesh

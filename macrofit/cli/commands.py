@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
-from ..base.commands import (
-    FILE,
-    SETTINGS,
-    Commands,
-    complain,
-    few_threads,
-)
+from ..base.commands import FILE, SETTINGS, Commands, complain, few_threads
 from ..base.progress import announce
 from ..base.ranks import ending
 from .options import POSITIVE, changes, completes_key, reads_curves, scene_argument, standard_option
@@ -211,8 +205,7 @@ def identify(
             reading=reading,
             free_shift=free_shift,
         )
-        for line in [] if quiet else lines:
-            click.echo(line)
+        say_lines(lines, quiet=quiet)
 
 
 @main.command()
@@ -287,8 +280,7 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
         from ..converge.run import carry_out_convergence
 
         lines = carry_out_convergence(scene, comm, target, overrides=overrides, tolerance=tolerance, quiet=quiet)
-        for line in [] if quiet else lines:
-            click.echo(line)
+        say_lines(lines, quiet=quiet)
 
 
 @main.command()
@@ -310,12 +302,12 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
         from ..scene import load_scene
 
         resolved = load_scene(scene, overrides)
-        import_mesher()
+        if None in (resolved.mesh.axle, resolved.mesh.wheel):
+            import_mesher()
         from ..service.run import carry_out_service
 
         lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet)
-        for line in [] if quiet else lines:
-            click.echo(line)
+        say_lines(lines, quiet=quiet)
 
 
 def loading(scene: str) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..bodies.body import ContactLine
 from .interface import MortarCoupling
-from .release import Solved, force_free
+from .release import Solved, ends, force_free
 
 
 def warmed(bore: ContactLine, thermal_strain: float) -> ContactLine:
@@ -39,7 +39,7 @@ def cooled(fit_at: Callable[[float], Solved]) -> Solved:
         The fit at 0 where there is no such place: friction does not hold what the slope of the fit pushes.
     """
     held = fit_at(0.0)
-    if not held.report.converged or abs(held.force) <= 1e-10 * held.friction_bound or held.friction_bound == 0.0:
+    if ends(held) or held.friction_bound == 0.0:
         return held
     return force_free(fit_at, 0.0, held.force) or held
 
@@ -50,15 +50,14 @@ def thermal_slip(bore: ContactLine, coupling: MortarCoupling, change: float) -> 
 
 
 def heat_work(bore: ContactLine, loads: tuple[FloatArray, FloatArray], change: float) -> float:
-    """Work [N mm] of a change of the thermal strain against the loads on the bore before and after.
+    """Work [N mm] of a change of the thermal strain against the mean of the loads on the bore before and after.
 
-    Pressures grow from the one to the other; friction has its last value, as in the work of the press.
+    What slip adds to it, where friction has its last value from the first slip on, is in `state.slip_work`.
     """
     if change == 0.0:
         return 0.0
-    (radial, _), (radial_now, axial_now) = (load.reshape(2, -1) for load in loads)
-    along_r, along_z = change * free_expansion(bore).reshape(2, -1)
-    return -float(0.5 * (radial + radial_now) @ along_r + axial_now @ along_z)
+    before, after = loads
+    return -0.5 * change * float((before + after) @ free_expansion(bore))
 
 
 def free_expansion(bore: ContactLine) -> FloatArray:

@@ -67,11 +67,11 @@ def release(fit_at: Callable[[float], Solved], flexibility: float) -> Solved:
         return held
     given = 0.0
     for _ in range(MOST_STEPS):
-        if _ends(fit):
+        if ends(fit):
             return fit
         further = -flexibility * fit.force
         after = fit_at(given + further)
-        if after.force * fit.force < 0.0 and not _ends(after):
+        if after.force * fit.force < 0.0 and not ends(after):
             return _between(fit_at, {given: fit, given + further: after})
         gained = after.force - fit.force
         if gained * further <= 0.0:
@@ -101,7 +101,7 @@ def force_free(
         before, known = known, {at: fit_at(at)}
         if known[at].force == 0.0 and known[at].report.converged and before:
             return _parted(fit_at, next(iter(before)), at)
-        if _ends(known[at]):
+        if ends(known[at]):
             return known[at]
         if known[at].force * force < 0.0:
             return _between(fit_at, before | known) if before else None
@@ -124,7 +124,7 @@ def _parted(fit_at: Callable[[float], Solved], held: float, parted: float) -> So
     return free
 
 
-def _ends(fit: Fit) -> bool:
+def ends(fit: Fit) -> bool:
     """Whether the search ends here: free, or not converged, which refuses the increment."""
     free = max(FREE * fit.friction_bound, ROUNDING * fit.normal_force)
     return not fit.report.converged or abs(fit.force) <= free
@@ -137,7 +137,7 @@ def _between(fit_at: Callable[[float], Solved], known: dict[float, Solved]) -> S
     def force(given: float) -> float:
         if given not in known:
             known[given] = fit_at(given)
-        return 0.0 if _ends(known[given]) else known[given].force
+        return 0.0 if ends(known[given]) else known[given].force
 
     low, high = sorted(known)
     return known[brentq(force, low, high, xtol=1e-12 * (high - low))]

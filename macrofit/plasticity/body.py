@@ -149,10 +149,6 @@ class PlasticBody:
             y += self.forward(self.contact_load(loads))
         return Ended(displacement=self.kept.backward(y, self.kept.everything), own=own, load=load)
 
-    def displaced(self, state: PointState, loads: FloatArray) -> FloatArray:
-        """u (dofs,) [mm] under the loads (2 loaded nodes,) of the contact and the plastic strains of a state."""
-        return self.ended(state, loads).displacement
-
     def expected(self, before: BodyFlow, moved: float) -> tuple[IntArray, FloatArray]:
         """Points that will probably flow in a step, and their plastic strain in it (m, 4).
 

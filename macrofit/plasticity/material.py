@@ -10,19 +10,9 @@ from ..scene.material import (
     Material,
     TabulatedHardening,
     VoceHardening,
-    cards,
+    yield_stress,
 )
 from .law import Hardening
-
-
-def yield_stress(material: Material) -> float | None:
-    """Where the material starts to yield [MPa]; None where it never does."""
-    table = material.hardening
-    if material.yield_stress is not None:
-        return material.yield_stress
-    if isinstance(table, TabulatedHardening):
-        return table.stress[0]
-    return None if material.grade is None else float(cards()[material.grade]["yield_stress"])
 
 
 def hardening(material: Material) -> Hardening | None:

@@ -29,6 +29,8 @@ BLEND_STEPS = 2.0
 """Fewest increments in the time a blend takes to enter: with 2 the peak stress was 2 % low, with 1 by 32 %."""
 PLASTIC_STEPS = 5.0
 """The same where steel yields: with 7.5 the plastic strain was 7 % low, with 5 by 15 %, with 3.75 by 22 %."""
+MODULI = (2e3, 5e9)
+"""Young's moduli without a doubt [MPa]: solids in GPa are below, in Pa above, a rigid tool is not."""
 LOCKING_POISSON_RATIO = 0.45
 """Largest Poisson's ratio of elements of order 1: the force was 0.8 % high there, 2.5 % at 0.49, 12 % at 0.499."""
 LEAST_GAMMA0 = 0.3
@@ -62,8 +64,8 @@ class Arc:
 def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
-        _clearance, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps, sharp_corners,
-        _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
+        _clearance, _moduli, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps,
+        sharp_corners, _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
 
@@ -93,6 +95,17 @@ def _clearance(scene: Scene) -> Iterator[str]:
             f"clearance: the bore is {abs(scene.interference):.4g} mm wider than the seat, on the radius; a press-fit "
             f"needs axle.seat_radius above wheel.bore_radius"
         )
+
+
+def _moduli(scene: Scene) -> Iterator[str]:
+    low, high = MODULI
+    for name, body in (("axle", scene.axle), ("wheel", scene.wheel)):
+        modulus = body.material.youngs_modulus
+        if not low <= modulus <= high:
+            yield (
+                f"odd modulus: {name}.material.youngs_modulus = {modulus:g} is in MPa, and steel has 206000; is it "
+                f"in {'GPa' if modulus < low else 'Pa'}?"
+            )
 
 
 def _locking(scene: Scene) -> Iterator[str]:

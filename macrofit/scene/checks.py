@@ -7,12 +7,9 @@ from itertools import pairwise
 
 from ..errors import SceneError
 from .deviation import deviation_of
-from .keys import Disc, Hub, MeshFile, Scene, Shaft
-from .material import ChabocheHardening, Material, TabulatedHardening
-from .profile import bore_profile, overlap, sampled, seat_profile
-
-SMALL_STRAIN = 0.02
-"""Largest interference that the linear theory is asked for, in radii of the seat."""
+from .keys import AXLE_TEMPERATURE, Disc, Hub, MeshFile, Scene, Shaft
+from .material import ChabocheHardening, Material, TabulatedHardening, yield_stress
+from .profile import SMALL_STRAIN, bore_profile, overlap, sampled, seat_profile
 
 SHORTEST_LENGTH = 1e-7
 """Shortest length of a body, in its largest: drawing and meshing tell points apart by some 1e-8 of it."""
@@ -77,19 +74,20 @@ def _check_material(where: str, material: Material, scene: Scene) -> None:
             f"{where}.hardening: {len(keys.moduli)} moduli and {len(keys.recalls)} recalls; give one of each for "
             f"every back-stress",
         )
-    first = keys.stress[0] if isinstance(keys, TabulatedHardening) else stated
+    first = yield_stress(material)
+    if first is None or material.elastic:
+        return
+    key = "hardening.stress" if isinstance(keys, TabulatedHardening) else "grade" if stated is None else "yield_stress"
     _need(
-        first is None or material.elastic or first >= SOFTEST * material.youngs_modulus,
-        f"{where}.{'hardening.stress' if stated is None else 'yield_stress'}: {first} is less than {SOFTEST:g} of "
+        first >= SOFTEST * material.youngs_modulus,
+        f"{where}.{key}: {first} is less than {SOFTEST:g} of "
         f"{where}.youngs_modulus, {material.youngs_modulus:.6g}: no solid yields so soon, and the contact would not "
         f"see what it bears; both are in MPa",
     )
-    yields = stated is not None or material.grade is not None or isinstance(keys, TabulatedHardening)
-    if yields and not material.elastic:
-        _need(
-            scene.contact.formulation == "penalty" or scene.contact.theta == 0,
-            f"contact.theta: {scene.contact.theta} is for elastic bodies, and {where} yields; take 0",
-        )
+    _need(
+        scene.contact.formulation == "penalty" or scene.contact.theta == 0,
+        f"contact.theta: {scene.contact.theta} is for elastic bodies, and {where} yields; take 0",
+    )
 
 
 def _check_table(where: str, keys: TabulatedHardening, stated: float | None) -> None:
@@ -295,7 +293,7 @@ def _check_surfaces(scene: Scene) -> None:
             )
     _need(
         not getattr(scene.axle, "temperature", 0.0),
-        "axle.temperature: the axle has that of the surroundings; wheel.temperature says how much warmer the wheel is",
+        AXLE_TEMPERATURE,
     )
     cooling = scene.motion.cooling
     _need(

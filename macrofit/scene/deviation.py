@@ -8,8 +8,10 @@ linear; beyond the first and the last it keeps their values.
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,14 +20,13 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..errors import OutputError, SceneError
 from .keys import Hub, Scene, Shaft
+from .profile import SMALL_STRAIN
 
 if TYPE_CHECKING:
     from ..base.units import Heading
 
 MOST_BYTES = 50_000_000
 """Size of a profile; 200 mm at a step of a micrometre have 5 MB."""
-LARGEST_DEVIATION = 0.02
-"""Largest deviation, in radii of the seat: what small strain allows an interference."""
 DIAMETER = re.compile(r"diam|durchm|[øØ⌀]|\bd[ui]a\b|\bd\b", re.IGNORECASE)
 """What the heading of a column says that holds diameters."""
 UNCOVERED = 0.05
@@ -79,13 +80,28 @@ def deviation_of(scene: Scene, body: str) -> Deviation | None:
         return None
     key = f"{body}.profile"
     try:
-        found = read_profile(Path(file), key)
+        found = _read_once(file, key, _stamp(file))
     except OutputError as error:
         raise SceneError(f"{key}: {error}") from None
     if body == "wheel":  # drawn with its leading face at z = 0, and backwards
         found = replace(found, z=-found.z[::-1], value=found.value[::-1])
     _check_drawn(scene, body, found)
     return found
+
+
+def _stamp(file: str) -> tuple[int, int] | None:
+    """When a file was changed, and its size; None where it is not there."""
+    try:
+        known = os.stat(file)
+    except OSError:
+        return None
+    return known.st_mtime_ns, known.st_size
+
+
+@lru_cache(maxsize=4)
+def _read_once(file: str, key: str, stamp: tuple[int, int] | None) -> Deviation:
+    """The profile of a file as of its stamp: checks, both bodies and what is foreseen ask for it again and again."""
+    return read_profile(Path(file), key)
 
 
 def read_profile(file: Path, key: str) -> Deviation:
@@ -208,13 +224,14 @@ def _check_drawn(scene: Scene, body: str, found: Deviation) -> None:
     else:
         return
     written = np.abs(found.value * 1e3 if found.assumed else found.value)
-    if any(abs(written.mean() / full - 1.0) < 0.2 for full in (radius, 2.0 * radius)):
+    mean, alike = float(written.mean()), np.ptp(written) < SMALL_STRAIN * written.mean()  # deviations vary by more
+    if alike and any(abs(mean / full - 1.0) < 0.2 for full in (radius, 2.0 * radius)):
         raise SceneError(
             f"{found.key}: are these radii or diameters? give what they deviate by from {body}'s drawn radius, "
-            f"{radius:g} mm, in um"
+            f"{radius:g} mm, in um{'; if they do so already, write deviation_um in the header' * found.assumed}"
         )
-    if found.largest > LARGEST_DEVIATION * radius:
+    if found.largest > SMALL_STRAIN * radius:
         raise SceneError(
             f"{found.key}: a deviation of {found.largest:.4g} mm of a radius of {radius:g} mm is beyond small strain "
-            f"(at most {LARGEST_DEVIATION * radius:.3g} mm); deviations are in um unless the header says otherwise"
+            f"(at most {SMALL_STRAIN * radius:.3g} mm); deviations are in um unless the header says otherwise"
         )

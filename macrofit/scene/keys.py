@@ -25,6 +25,12 @@ Warmth: TypeAlias = Annotated[
     NotNegative, msgspec.Meta(le=600.0), told("How much warmer the whole wheel is than axle and surroundings [K].")
 ]
 
+AXLE_TEMPERATURE = (
+    "axle.temperature: the axle has that of the surroundings; wheel.temperature says how much warmer the wheel is than "
+    "it, for an axle that is chilled too"
+)
+"""What is said where an axle is given a temperature."""
+
 
 class Shaft(Keys, frozen=True, tag="shaft", tag_field="shape"):
     """An axle: lead, taper, seat and tail along z; the seat's entrance (end of the taper) is z = 0."""

@@ -18,7 +18,7 @@ from ..base.keys import KeyMistake, decode_tables
 from ..base.toml import dump_toml, errors_as, parse_toml, read_toml, set_key, split_override
 from ..errors import SceneError
 from .checks import check_scene
-from .keys import Scene
+from .keys import AXLE_TEMPERATURE, Scene
 from .refine import refined
 
 PROVIDER, PRESET = ("friction", "provider"), ("preset",)
@@ -157,6 +157,8 @@ def _advice(said: str, tables: Mapping[str, Any]) -> str:
         return said
     if key == "shape" and "nvalid value" in said:
         return f"{said.partition(' (one of')[0]} (try shaft, wheel or disc; a mesh file goes under [mesh])"
+    if (body, key) == ("axle", "temperature"):
+        return AXLE_TEMPERATURE
     if ": unknown key" in said and tables[body].get("shape") == "mesh":
         return f"{body}.{key}: not used where mesh.{body} gives a file; leave one of them out"
     return said

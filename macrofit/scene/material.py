@@ -89,3 +89,13 @@ def expansion(material: Material) -> float:
     if material.expansion is not None:
         return material.expansion
     return EXPANSION if material.grade is None else float(cards()[material.grade]["expansion"])
+
+
+def yield_stress(material: Material) -> float | None:
+    """Where the material starts to yield [MPa]; None where it never does."""
+    table = material.hardening
+    if material.yield_stress is not None:
+        return material.yield_stress
+    if isinstance(table, TabulatedHardening):
+        return table.stress[0]
+    return None if material.grade is None else float(cards()[material.grade]["yield_stress"])

@@ -11,6 +11,9 @@ from .keys import Hub, Shaft
 Profile = list[tuple[float, float]]
 """Points (z, r) [mm] in ascending z, joined by straight lines."""
 
+SMALL_STRAIN = 0.02
+"""Largest interference that the linear theory is asked for, in radii of the seat, and largest deviation of a radius."""
+
 SAMPLES = 64
 """At most so many displacements are looked at, the first, the last and the farthest among them."""
 

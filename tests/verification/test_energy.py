@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from found import Found
-from small import solved
+from small import small_path, solved
 
 from macrofit.scene import load_scene
 
@@ -134,3 +134,13 @@ def test_sharp_ring_within_a_facet() -> None:
         print(f"sharp ring, facet {facet}, increments 1, 0.05 mm:", [f"{error:.1e}" for error in errors])
         assert abs(errors[1]) < 0.01
         assert abs(errors[1]) < 0.2 * abs(errors[0])
+
+
+def test_a_wheel_that_comes_off_gives_back_what_it_stored() -> None:
+    """In one step from contact to apart friction has its last value, 0: work is left of the elastic force alone."""
+    records = solved(small_path([15.0, 20.0, 25.0, -20.0])).increments
+    held, off = records[-2:]
+    elastic = held.force - held.friction_force
+    assert elastic > 1e4
+    assert off.normal_force == 0.0
+    assert off.work == pytest.approx(-0.5 * 45.0 * elastic, rel=1e-10)

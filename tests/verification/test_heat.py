@@ -85,6 +85,14 @@ def test_cooling_needs_no_force_and_balances_its_energy(found: Found) -> None:
     assert sum(record.work for record in solution.increments) > 0.0
 
 
+@pytest.mark.parametrize("steps", [1, 4])
+def test_what_is_in_contact_cools_to_the_balance_of_the_mesh(steps: int, found: Found) -> None:
+    """Where all of the seat presses from the start, stick and slip are counted exactly, however long the steps are."""
+    keys = ("wheel.temperature=150", f"motion.cooling={steps}", "friction.options.coefficient=0.12")
+    balance = solved(rings(2, 2.0, *keys)).energy_balance
+    assert found(f"wheel in contact that cools in {steps} steps: energy balance", balance, 3e-5)
+
+
 def test_friction_holds_back_what_contracts_along_the_axis() -> None:
     """Friction keeps the wheel from contracting along the seat, which adds to its pressure by Poisson's ratio alone."""
     free = ("axle.material.poisson_ratio=0", "wheel.material.poisson_ratio=0")

@@ -144,7 +144,7 @@ def test_condensed_equals_the_monolithic_oracle(formulation: str, order: int, mo
         oracle.contact, undeformed=np.stack([oracle.contact.coupling.gap, oracle.contact.covered.normals[:, 0]])
     )
     bodies = {
-        name: body.displaced(step.state.flow[name].state, loads)
+        name: body.ended(step.state.flow[name].state, loads).displacement
         for (name, body), loads in zip(oracle.bodies.items(), (step.state.seat_load, step.state.bore_load), strict=True)
     }
     near = np.concatenate([bodies[name][body.body.free] for name, body in oracle.bodies.items()])

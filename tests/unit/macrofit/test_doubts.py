@@ -77,6 +77,9 @@ def test_no_built_in_run_is_doubtful(name: str) -> None:
         (("axle.taper_blend=0", "axle.seat_length=100.0", "motion.start=80.0", "motion.travel=90.0"), ""),
         (("wheel.chamfer_blend=0", "motion.start=20.0"), ""),  # nothing moves
         (("axle.material.poisson_ratio=0.49",), ""),
+        (("axle.material.youngs_modulus=70e3",), ""),
+        (("axle.material.youngs_modulus=206",), "odd modulus"),
+        (("wheel.material.youngs_modulus=206e9",), "odd modulus"),
         (("mesh.order=1", "output.stress=false"), ""),
         (("mesh.order=1",), "stress of order 1"),
         (("mesh.order=1", "output.stress=false", "axle.material.poisson_ratio=0.49"), "locking"),

@@ -12,11 +12,11 @@ from small import YIELDING, small_press, solved
 
 from macrofit.cli import main
 from macrofit.errors import SceneError
-from macrofit.plasticity.material import cards, hardening, yield_stress
+from macrofit.plasticity.material import hardening
 from macrofit.results.doubts import LARGE_STRAIN, doubts
 from macrofit.results.summary import sentences, summary
 from macrofit.scene import load_scene
-from macrofit.scene.material import Material
+from macrofit.scene.material import Material, cards, yield_stress
 
 WITHOUT_HARDENING = [
     ({"yield_stress": "-1"}, "axle.material.yield_stress", "must be positive"),
@@ -24,6 +24,7 @@ WITHOUT_HARDENING = [
     ({"yield_stress": "nan"}, "axle.material.yield_stress", ""),
     ({"grade": "S355"}, "axle.material.grade", "S355"),
     ({"yield_stress": "4.1"}, "axle.material.yield_stress", "no solid yields so soon"),  # in kN/mm2 or GPa: 0.42
+    ({"grade": "'EA1N'", "youngs_modulus": "206e9"}, "axle.material.grade", "no solid yields so soon"),  # in Pa
     ({"hardening": "{law='table', plastic_strain=[0, 1], stress=[0.4, 0.5]}"}, "hardening.stress", "both are in MPa"),
 ]
 NEGATIVE = "must not be negative"

@@ -15,7 +15,7 @@ from macrofit.errors import OutputError, SceneError
 from macrofit.results.foresight import foreseen
 from macrofit.results.journal import Journal, named_files
 from macrofit.scene import Scene, build_scene, dump_scene, idle_keys, load_scene
-from macrofit.scene.deviation import Deviation, deviation_of
+from macrofit.scene.deviation import Deviation, deviation_of, read_profile
 
 MESHES = Path(__file__).parents[3] / "meshes"
 PLAIN = "0,1.5\n90,-2\n185,4\n"
@@ -169,8 +169,11 @@ def test_a_body_from_a_file_has_a_profile_too(tmp_path: Path) -> None:
         ("0,0.004\n185,-0.012\n", "small profile: axle.profile deviates by 0.012 um at most"),
         ("0,4\n185,1200\n", "large profile: axle.profile deviates by up to 1200 um, 4 times the interference"),
         ("\n".join(f"{0.05 * k},{10 * (-1) ** k}" for k in range(3801)), "rough profile: axle.profile varies by 10 um"),
+        ("\n".join(f"{0.05 * k},{0.1 * k}" for k in range(3801)), None),
+        ("0,90\n100,96\n185,94\n", None),
+        ("z_mm,deviation_um\n0,95\n185,95\n", None),
     ],
-    ids=["sound", "small", "large", "rough"],
+    ids=["sound", "small", "large", "rough", "a slope of many points", "100 um", "95 um, stated"],
 )
 def test_what_looks_wrong_is_doubted(text: str, doubt: str | None, tmp_path: Path) -> None:
     said = [line for line in foreseen(scene_with(tmp_path, text)) if " profile: " in line]
@@ -194,6 +197,7 @@ def test_check_says_what_it_takes(tmp_path: Path) -> None:
     [
         ("wheel.temperature=-20", "wheel.temperature: "),
         ("wheel.temperature=900", "wheel.temperature: "),
+        ("axle.temperature=-150", "axle.temperature: the axle has that of the surroundings; wheel.temperature says"),
         ("wheel.material.expansion=0", "wheel.material.expansion: "),
         ("wheel.material.expansion=11.5", "wheel.material.expansion: "),
         ("motion.cooling=4", "motion.cooling: 4 increments of a wheel that is not heated; give wheel.temperature too"),
@@ -280,3 +284,26 @@ def test_the_snippets_of_the_page_make_a_scene(tmp_path: Path) -> None:
     seat = deviation_of(scene, "axle")
     assert seat is not None
     assert seat.at(np.array([20.0])) == pytest.approx(3.4e-3)
+
+
+def test_a_profile_is_read_once_and_anew_where_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checks, bodies and what is foreseen ask for it: one of 3 MB takes 2 s to read."""
+    import macrofit.scene.deviation as module
+    from macrofit.bodies.approach import sides_of
+
+    read = []
+
+    def counted(file: Path, key: str) -> Deviation:
+        read.append(file)
+        return read_profile(file, key)
+
+    monkeypatch.setattr(module, "read_profile", counted)
+    scene = scene_with(tmp_path, "0;1\n190;1\n", "axle")
+    sides_of(scene)
+    foreseen(scene)
+    assert len(read) == 1
+    (tmp_path / "profile.csv").write_text("0;10\n190;10\n")
+    changed = deviation_of(scene, "axle")
+    assert changed is not None
+    assert changed.largest == pytest.approx(0.01)
+    assert len(read) == 2
