@@ -16,7 +16,7 @@ from ..scene import dump_scene
 from .bonded import OUTSIDE, Bonded, Edge
 from .fit import Fit
 from .history import SLIPPED, Endurance, Fretting
-from .seat_stress import MM
+from .seat_stress import MM, NM, NN
 from .wheelset import Wheelset
 
 if TYPE_CHECKING:
@@ -123,8 +123,8 @@ def seat_columns(bonded: Bonded, turned: Turned | None) -> dict[str, FloatArray]
         "z_mm": bonded.z,
         "nominal_stress_MPa": bonded.nominal,
         "bonded_bending_stress_MPa": bonded.bending,
-        "bonded_normal_MPa": 2.0 * first[:, 0].real,
-        "bonded_shear_MPa": 2.0 * first[:, 3].real,
+        "bonded_normal_MPa": 2.0 * first[:, NN].real,
+        "bonded_shear_MPa": 2.0 * first[:, NM].real,
     }
     if turned is None:
         return columns

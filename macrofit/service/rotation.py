@@ -1,8 +1,8 @@
 """The rotation: the loads come up, then they turn around the axle step by step, revolution after revolution.
 
-Time is counted in revolutions: from -1 to 0 the loads grow at the angle 0, from 0 on they turn. Everything is counted
-from the released fit. A step starts from the slips before it, turned on by its angle; if Newton's method does not get
-there, from those before it as they are; then it is halved.
+Time is counted in revolutions: from -1 to 0 the loads grow as they turn, from 0 on they are whole. Everything is
+counted from the released fit. A step starts from the slips before it, turned on by its angle; if Newton's method does
+not get there, from those before it as they are; then it is halved.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ from ..errors import ConvergenceError
 from .kernel import Kernel
 from .slipping import Law, Solved, solve_step
 
-RAMP = 4
-"""Steps in which the loads come up."""
 HALVINGS = 6
 
 
