@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from small import small_press
 
+from macrofit.bodies.elasticity import von_mises
 from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
-from macrofit.service import slipping
+from macrofit.service import rotation, slipping
+from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
 
 COARSE = (
@@ -138,6 +140,36 @@ def long_seat(facet: float) -> Scene:
         "service": {"journal_force": 1e4, "journal_moment": 1e7},
     }
     return build_scene(tables)
+
+
+def test_residual_stress_of_an_axle_that_flowed_is_what_its_steel_bears() -> None:
+    # Hooke's law on the whole strain gives 400 MPa for the median facet, and 1800 MPa at the worst
+    steel = 'axle.material={yield_stress=200.0, hardening={law="linear", isotropic=2000.0}}'
+    residual, _ = pressed_and_released(small("wheel.bore_radius=94.7", steel))
+    found = von_mises(residual.stress[:, :4].T)
+    assert np.abs(residual.stress[:, 4:]).max() == 0.0
+    assert np.median(found) == pytest.approx(200.0, rel=0.1)
+    assert found.max() < 600.0
+
+
+def test_no_loads_concentrate_nothing() -> None:
+    bonded = bonded_only(small("service.journal_force=0", "service.journal_moment=0")).bonded
+    assert [edge.concentration for edge in bonded.edges] == [None, None]
+
+
+def test_a_guess_that_does_not_help_is_not_tried_first_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    # the wheel slips all over: slips that are turned on lead Newton's method away, step after step
+    tried: list[bool] = []
+
+    def counted(*given: object) -> slipping.Solved:
+        solved = slipping.solve_step(*given)  # type: ignore[arg-type]
+        tried.append(solved.converged)
+        return solved
+
+    monkeypatch.setattr(rotation, "solve_step", counted)
+    found = serve(small("service.journal_force=3e6", "service.steps=14", "service.revolutions=1"))
+    assert found.turned is not None
+    assert tried.count(False) < 0.2 * len(tried)
 
 
 def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
