@@ -14,6 +14,7 @@ from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
+from macrofit.service.seat_stress import MM, MT, TT
 
 COARSE = (
     "mesh.seat_facet=6", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=15",
@@ -122,6 +123,25 @@ def test_bending_stress_far_from_the_hub_is_the_nominal_one() -> None:
     assert found.bending[far] == pytest.approx(found.nominal[far], rel=2e-3)
 
 
+def test_stress_of_the_surface_far_from_the_hub_is_that_of_a_beam() -> None:
+    # before the hub the front end's shear alone, behind it a lateral force's moment and a torque too
+    keys = {"lateral_force": 2e4, "torque": 3e6}
+    found = bonded_only(long_seat(2.0, keys))
+    bonded, section = found.bonded, found.whole.section(np.array([20.0]))[0]
+    before, behind = bonded.z < 10.0, bonded.z > 250.0  # a disturbance of 10 MPa falls by e in 19 mm
+    expected = [1e7 + 1e4 * 20.0, 1e7 + 1e4 * 150.0 + 2e4 * 100.0]  # the wheel stands at 150 mm, its rim is at 100
+    assert found.whole.loads.moment(np.array([20.0, 280.0])) == pytest.approx(expected)
+    assert bonded.bending[before | behind] == pytest.approx(bonded.nominal[before | behind], rel=3e-3)
+    _, shear = section.shear(-1e4, 0.3, np.array([section.outer]))
+    first = 2.0 * bonded.harmonics[1].stress[before].real
+    assert first[:, MT] == pytest.approx(shear[0], rel=4e-2)
+    assert np.abs(first[:, TT]).max() < 5e-3 * bonded.nominal[before].max()
+    # a force around the bore, of radius 49.95, is handed over at that of the seat, 50
+    zero = -1j * bonded.harmonics[0].stress[behind]
+    assert zero[:, MT].real == pytest.approx(-3e6 * section.outer / (2.0 * section.second_moment) / 0.999, rel=1e-3)
+    assert (1j * zero[:, MM]).real == pytest.approx(-2e4 / (np.pi * section.outer**2), rel=2e-2)
+
+
 def test_shear_of_a_bonded_sharp_edge_grows_with_the_known_power() -> None:
     # a corner of 270 degrees in one steel: distance^-0.4555; 8 mm are not near enough to a hub of 50 for more
     powers = [bonded_only(long_seat(facet)).bonded.edges[1].shear_power for facet in (2.0, 1.0)]
@@ -130,14 +150,14 @@ def test_shear_of_a_bonded_sharp_edge_grows_with_the_known_power() -> None:
     assert errors[1] < 0.11
 
 
-def long_seat(facet: float) -> Scene:
+def long_seat(facet: float, loads: dict[str, float] | None = None) -> Scene:
     """A ring with sharp edges in the middle of a seat."""
     tables = {
         "axle": {"seat_radius": 50.0, "seat_length": 300.0, "tail_length": 100.0},
         "wheel": {"bore_radius": 49.95, "hub_length": 80.0, "hub_outer_radius": 100.0},
         "mesh": {"seat_facet": facet, "coarse": 20.0},
         "motion": {"start": 190.0, "travel": 190.0},
-        "service": {"journal_force": 1e4, "journal_moment": 1e7},
+        "service": {"journal_force": 1e4, "journal_moment": 1e7, **(loads or {})},
     }
     return build_scene(tables)
 
