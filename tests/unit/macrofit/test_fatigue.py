@@ -59,6 +59,15 @@ def test_reversed_bending_and_torsion_at_their_limits_are_one() -> None:
             assert share[0] == pytest.approx(1.0, rel=1e-6)
 
 
+def test_steady_shear_does_not_count_by_findley() -> None:
+    # half the longest chord of the shear's path, wherever the path lies
+    found = judge_histories(history(nm=400.0 + 150.0 * np.cos(TIMES)), LIMITS, STEEL)
+    k = LIMITS.findley
+    assert 1.0 <= found.findley[0] <= (150.0 * np.sqrt(1.0 + k * k) + k * 400.0) / (150.0 * np.sqrt(1.0 + k * k))
+    sheared = judge_histories(history(nm=np.full_like(TIMES, 60.0)), LIMITS, STEEL)
+    assert sheared.findley[0] == pytest.approx(k * 60.0 / (150.0 * np.sqrt(1.0 + k * k)), rel=1e-6)
+
+
 def test_smith_watson_topper_of_reversed_bending() -> None:
     found = judge_histories(history(mm=240.0 * np.cos(TIMES)), LIMITS, STEEL)
     assert found.swt[0] == pytest.approx(240.0**2 / 206e3, rel=1e-9)
