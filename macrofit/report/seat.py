@@ -38,7 +38,7 @@ class Seat:
     edges: FloatArray  # (facets + 1,) mm
     pressure: FloatArray  # (shown, facets) MPa
     traction: FloatArray  # (shown, facets) MPa
-    bound: FloatArray  # (shown, facets) MPa, friction times pressure
+    bound: FloatArray  # (shown, facets) MPa, friction times pressure, with the sign that the shear has on the whole
     shown: IntArray  # numbers of the increments
 
 
@@ -64,9 +64,8 @@ def read_seat(path: Path, increments: int) -> Seat | None:
             coordinate = "z along the axle" if file.attrs["coordinate"] == "z" else "radius r"
     except (OSError, KeyError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read ({error}); compute the run again") from None
-    return Seat(
-        coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, bound=friction * pressure, shown=shown
-    )
+    bound = np.where(traction.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0) * friction * pressure
+    return Seat(coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, bound=bound, shown=shown)
 
 
 def shown_increments(increments: int, facets: int) -> IntArray:
@@ -86,10 +85,9 @@ def seat_view(seat: Seat, curve: Mapping[str, FloatArray], whole: Frame) -> dict
     x0, x1 = float(seat.edges[0]), float(seat.edges[-1])
     low, high = span(seat.pressure)
     pressure = Frame(x0=x0, x1=x1, y0=low, y1=high, height=280.0)
-    low, high = span(np.concatenate([seat.traction, np.sign(seat.traction.sum()) * seat.bound]))
+    low, high = span(np.concatenate([seat.traction, seat.bound]))
     shear = Frame(x0=x0, x1=x1, y0=low, y1=high, height=280.0)
     below = f"{seat.coordinate} [mm]"
-    bound = np.sign(seat.traction[-1].sum() or 1.0) * seat.bound[-1]
     return {
         "count": len(seat.shown),
         "left_out": len(curve["force_N"]) - len(seat.shown),
@@ -101,7 +99,7 @@ def seat_view(seat: Seat, curve: Mapping[str, FloatArray], whole: Frame) -> dict
         "shear": shear.drawing(
             shear.axes(below, "shear on the axle [MPa]"),
             path(shear.stairs(seat.edges, seat.traction[-1]), BLUE, mark="traction"),
-            path(shear.stairs(seat.edges, bound), VERMILION, width=1.2, dash="5 3", mark="bound"),
+            path(shear.stairs(seat.edges, seat.bound[-1]), VERMILION, width=1.2, dash="5 3", mark="bound"),
             name="shear along the seat",
         ),
         "readouts": [
@@ -123,7 +121,7 @@ def _data(seat: Seat, curve: Mapping[str, FloatArray], pressure: Frame, shear: F
         "lines": [
             _packed("pressure", seat.pressure, pressure),
             _packed("traction", seat.traction, shear),
-            _packed("bound", np.sign(seat.traction.sum(axis=1, keepdims=True)) * seat.bound, shear),
+            _packed("bound", seat.bound, shear),
         ],
         "columns": {key: values.tolist() for key, values in columns.items()},
         "dot": [whole.across(columns["displacement_mm"]).round(2).tolist(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import json
 import os
@@ -22,9 +23,9 @@ from browser import Browser, browser
 from click.testing import CliRunner
 
 from macrofit.cli import main
-from macrofit.report.chart import Frame, Window, names, ticks
+from macrofit.report.chart import BOTTOM, Frame, Window, names, overlay, ticks
 from macrofit.report.pdf import found_browser
-from macrofit.report.seat import MOST_VALUES, shown_increments
+from macrofit.report.seat import MOST_VALUES, SHOWN, Seat, seat_view, shown_increments
 
 TITLE = "A <b>short</b> fit & its ends"
 SCENE = f"""
@@ -399,6 +400,25 @@ def test_names_of_windows_do_not_lie_on_each_other():
     heights = [float(y) for y in re.findall(r' y="([\d.]+)"', names(frame, close))]
     assert len(heights) == 2
     assert heights[1] - heights[0] >= 15.9
+
+
+def test_curves_of_a_single_displacement_are_drawn():
+    drawn = overlay([("one", np.array([180.0]), np.array([5.0]))], [])
+    assert "nan" not in drawn
+    assert "180" in drawn
+
+
+def test_what_friction_holds_stays_within_its_drawing_when_the_push_turns():
+    shear = np.array([[10.0, 12.0, 9.0], [-3.0, 1.0, -4.0], [0.0, 0.0, 0.0]])
+    bound = np.where(shear.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0) * np.full((3, 3), 15.0)
+    seat = Seat(coordinate="z", edges=np.arange(4.0), pressure=np.full((3, 3), 100.0), traction=shear, bound=bound,
+                shown=np.arange(3))  # fmt: skip
+    curve = {key: np.arange(1.0, 4.0) for key in SHOWN}
+    line = seat_view(seat, curve, Frame(x0=0.0, x1=3.0, y0=0.0, y1=1.0))["data"]["lines"][2]
+    values = np.frombuffer(base64.b64decode(line["values"]), "<i2").reshape(3, 3)
+    heights = line["zero"] + line["pixels"] * values
+    assert (np.sign(values[:, 0]) == [1, -1, 1]).all()
+    assert 0.0 < heights.min() < heights.max() < 280.0 - BOTTOM
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (0.0, 2728.5), (-3e-3, 1e-2), (100.0, 101.0)])
