@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,14 @@ class Seat:
     edges: FloatArray  # (facets + 1,) mm
     pressure: FloatArray  # (shown, facets) MPa
     traction: FloatArray  # (shown, facets) MPa
-    bound: FloatArray  # (shown, facets) MPa, friction times pressure, with the sign that the shear has on the whole
+    friction: FloatArray  # (shown, facets)
     shown: IntArray  # numbers of the increments
+
+    @cached_property
+    def bound(self) -> FloatArray:
+        """What friction can hold (shown, facets) [MPa], with the sign that the shear has on the whole."""
+        sign = np.where(self.traction.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        return np.asarray(sign * self.friction * self.pressure)
 
 
 def read_seat(path: Path, increments: int) -> Seat | None:
@@ -64,8 +71,9 @@ def read_seat(path: Path, increments: int) -> Seat | None:
             coordinate = "z along the axle" if file.attrs["coordinate"] == "z" else "radius r"
     except (OSError, KeyError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read ({error}); compute the run again") from None
-    bound = np.where(traction.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0) * friction * pressure
-    return Seat(coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, bound=bound, shown=shown)
+    return Seat(
+        coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, friction=friction, shown=shown
+    )
 
 
 def shown_increments(increments: int, facets: int) -> IntArray:

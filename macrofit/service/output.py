@@ -203,7 +203,7 @@ def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[st
         ),
         f"Friction work   {1e-3 * friction['friction_work_N_mm']:.4g} J per revolution; that of the loads differs by "
         f"{friction['work_balance']:.1e}",
-        f"Steady          the last revolution leaves {left['axial']:.1e} of the slip along, {left['around']:.1e} around, "
+        f"Steady          the last revolution leaves {left['axial']:.1e} of slip along, {left['around']:.1e} around, "
         f"and is a wave to {friction['wave_error']['axial']:.1e}",
         f"Share of limit  {said}, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
     ]

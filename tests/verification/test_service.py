@@ -11,7 +11,7 @@ from small import small_press
 from macrofit.bodies.elasticity import von_mises
 from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
-from macrofit.service import rotation, slipping
+from macrofit.service import rotation, slipping, wheelset
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
 from macrofit.service.seat_stress import MM, MT, TT
@@ -80,6 +80,17 @@ def test_wheel_is_in_balance_at_all_times() -> None:
     turned = 2.0 * np.pi * moment.time
     load = found.whole.loads.keys.journal_force * np.array([np.cos(turned), np.sin(turned)])
     assert across / found.turned.angles == pytest.approx(-load, abs=1e-6 * np.abs(load).max())
+
+
+def test_places_that_are_left_out_would_not_have_touched(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for margin in (0.0, wheelset.MARGIN, 1e9):
+        monkeypatch.setattr(wheelset, "MARGIN", margin)
+        turned = serve(small("service.steps=14", "service.revolutions=1")).turned
+        assert turned is not None
+        found.append(turned.revolutions[-1].friction_work)
+    assert found[1] == pytest.approx(found[2], rel=1e-6)
+    assert found[0] != pytest.approx(found[2], rel=1e-2)  # those that are near do touch
 
 
 def test_iteration_gives_what_elimination_gives(monkeypatch: pytest.MonkeyPatch) -> None:
