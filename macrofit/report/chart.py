@@ -99,6 +99,13 @@ def span(values: FloatArray) -> tuple[float, float]:
     return (low - room if low < 0.0 else 0.0), high + room
 
 
+def curve_frame(x: FloatArray, force: FloatArray) -> Frame:
+    """The axes of fitting curves: displacements [mm], which may be a single one or none, and forces [kN]."""
+    low, high = span(force)
+    first, last = (float(x.min()), float(x.max())) if len(x) else (0.0, 1.0)
+    return Frame(x0=first, x1=last if last > first else first + 1.0, y0=low, y1=high)
+
+
 def path(d: str, colour: str, *, width: float = 2.0, dash: str = "", mark: str = "") -> Markup:
     """A path in a colour; ``mark`` is its id."""
     return Markup('<path d="{}" fill="none" stroke="{}" stroke-width="{}"{}{}/>').format(
@@ -141,9 +148,7 @@ def overlay(
     curves: Sequence[tuple[str, FloatArray, FloatArray]], windows: Sequence[Window], references: int = 0
 ) -> Markup:
     """Fitting curves (name, displacement [mm], force [kN]) in one frame; the first ``references`` black and dashed."""
-    x = np.concatenate([place for _, place, _ in curves])
-    low, high = span(np.concatenate([force for *_, force in curves]))
-    frame = Frame(x0=float(x.min()), x1=float(x.max()) or 1.0, y0=low, y1=high)
+    frame = curve_frame(*(np.concatenate(values) for values in list(zip(*curves, strict=True))[1:]))
     few = len(curves) <= MOST_LABELLED
     drawn = [
         path(frame.line(place, force), **_style(k, references, few=few)) for k, (_, place, force) in enumerate(curves)

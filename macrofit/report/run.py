@@ -18,7 +18,7 @@ from ..errors import MacrofitError
 from ..results.curves import without_rounding
 from ..results.folder import CURVE, INTERFACE, SCENE, SUMMARY, read_table
 from ..scene import Scene, load_scene
-from .chart import Frame, Window, bands, names, path, span
+from .chart import Frame, Window, bands, curve_frame, names, path
 from .page import Numbers, inline, pictures, read_json
 from .seat import read_seat, seat_view
 
@@ -56,7 +56,7 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
         numbers = numbers | {"verdict": _judged(scene, curve, numbers, standard, wheel)}
     verdict = None if numbers["verdict"] is None else msgspec.convert(numbers["verdict"], Verdict)
     clear = {**curve, "force_N": without_rounding(curve["force_N"], curve["normal_force_N"])}
-    frame = curve_frame(clear)
+    frame = curve_frame(clear["displacement_mm"], clear["force_N"] / 1e3)
     seat = read_seat(folder / INTERFACE, len(curve["force_N"]))
     view = None if seat is None else seat_view(seat, curve, frame)
     section, no_section = _section(scene)
@@ -78,13 +78,6 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
         "times": {key: said for key, said in TIMES.items() if key in numbers},
         "provenance": NO_PROVENANCE | numbers.get("provenance", {}),
     }
-
-
-def curve_frame(curve: Mapping[str, FloatArray]) -> Frame:
-    """The axes of the fitting curve, forces in kN."""
-    x, (low, high) = curve["displacement_mm"], span(curve["force_N"] / 1e3)
-    first, last = (float(x.min()), float(x.max())) if len(x) else (0.0, 1.0)
-    return Frame(x0=first, x1=last if last > first else first + 1.0, y0=low, y1=high)
 
 
 def windows(verdict: Verdict | None) -> list[Window]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,14 @@ class Seat:
     edges: FloatArray  # (facets + 1,) mm
     pressure: FloatArray  # (shown, facets) MPa
     traction: FloatArray  # (shown, facets) MPa
-    bound: FloatArray  # (shown, facets) MPa, friction times pressure
+    friction: FloatArray  # (shown, facets)
     shown: IntArray  # numbers of the increments
+
+    @cached_property
+    def bound(self) -> FloatArray:
+        """What friction can hold (shown, facets) [MPa], with the sign that the shear has on the whole."""
+        sign = np.where(self.traction.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        return np.asarray(sign * self.friction * self.pressure)
 
 
 def read_seat(path: Path, increments: int) -> Seat | None:
@@ -65,7 +72,7 @@ def read_seat(path: Path, increments: int) -> Seat | None:
     except (OSError, KeyError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read ({error}); compute the run again") from None
     return Seat(
-        coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, bound=friction * pressure, shown=shown
+        coordinate=coordinate, edges=edges, pressure=pressure, traction=traction, friction=friction, shown=shown
     )
 
 
@@ -86,10 +93,9 @@ def seat_view(seat: Seat, curve: Mapping[str, FloatArray], whole: Frame) -> dict
     x0, x1 = float(seat.edges[0]), float(seat.edges[-1])
     low, high = span(seat.pressure)
     pressure = Frame(x0=x0, x1=x1, y0=low, y1=high, height=280.0)
-    low, high = span(np.concatenate([seat.traction, np.sign(seat.traction.sum()) * seat.bound]))
+    low, high = span(np.concatenate([seat.traction, seat.bound]))
     shear = Frame(x0=x0, x1=x1, y0=low, y1=high, height=280.0)
     below = f"{seat.coordinate} [mm]"
-    bound = np.sign(seat.traction[-1].sum() or 1.0) * seat.bound[-1]
     return {
         "count": len(seat.shown),
         "left_out": len(curve["force_N"]) - len(seat.shown),
@@ -101,7 +107,7 @@ def seat_view(seat: Seat, curve: Mapping[str, FloatArray], whole: Frame) -> dict
         "shear": shear.drawing(
             shear.axes(below, "shear on the axle [MPa]"),
             path(shear.stairs(seat.edges, seat.traction[-1]), BLUE, mark="traction"),
-            path(shear.stairs(seat.edges, bound), VERMILION, width=1.2, dash="5 3", mark="bound"),
+            path(shear.stairs(seat.edges, seat.bound[-1]), VERMILION, width=1.2, dash="5 3", mark="bound"),
             name="shear along the seat",
         ),
         "readouts": [
@@ -123,7 +129,7 @@ def _data(seat: Seat, curve: Mapping[str, FloatArray], pressure: Frame, shear: F
         "lines": [
             _packed("pressure", seat.pressure, pressure),
             _packed("traction", seat.traction, shear),
-            _packed("bound", np.sign(seat.traction.sum(axis=1, keepdims=True)) * seat.bound, shear),
+            _packed("bound", seat.bound, shear),
         ],
         "columns": {key: values.tolist() for key, values in columns.items()},
         "dot": [whole.across(columns["displacement_mm"]).round(2).tolist(),

@@ -40,7 +40,9 @@ class Edge:
     name: str  # "front" or "inner"
     z: float  # mm, where contact ends
     nominal_stress: float  # MPa, there
-    concentration: float | None  # stress over the nominal one, OUTSIDE mm beside the hub; None: off the seat
+    concentration: (
+        float | None
+    )  # stress over the nominal one, OUTSIDE mm beside the hub; None: off the seat, or nothing bends
     shear_power: float | None  # exponent of the shear within EDGE; None: too few facets
 
 
@@ -86,7 +88,8 @@ def in_bending(whole: Wheelset, found: list[Harmonic]) -> Bonded:
     bending = -2.0 * found[1].stress[:, MM].real
     nominal = whole.nominal_stress(z)
     shear = 2.0 * np.abs(found[1].traction.reshape(3, -1)[1])
-    edges = tuple(_edge(whole, name, z, bending / nominal, shear) for name in ("front", "inner"))
+    ratio = np.divide(bending, nominal, out=np.full_like(bending, np.nan), where=nominal != 0.0)
+    edges = tuple(_edge(whole, name, z, ratio, shear) for name in ("front", "inner"))
     return Bonded(harmonics=found, z=z, nominal=nominal, bending=bending, edges=(edges[0], edges[1]))
 
 
@@ -94,7 +97,7 @@ def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: F
     portions, place = whole.fit.coupling.portions, whole.fit.z
     used = whole.fit.chosen // portions.points.shape[1]
     at, out = (portions.start[used[0]], -1.0) if name == "front" else (portions.end[used[-1]], 1.0)
-    beside = float(at + out * OUTSIDE)
+    concentration = float(np.interp(at + out * OUTSIDE, z, ratio, left=np.nan, right=np.nan))
     distance = out * (at - place)
     inside = (distance > EDGE[0]) & (distance < EDGE[1]) & (shear > 0.0)
     power = None
@@ -104,6 +107,6 @@ def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: F
         name=name,
         z=float(at),
         nominal_stress=float(whole.nominal_stress(np.array([at]))[0]),
-        concentration=float(np.interp(beside, z, ratio)) if z[0] <= beside <= z[-1] else None,
+        concentration=concentration if np.isfinite(concentration) else None,
         shear_power=power,
     )

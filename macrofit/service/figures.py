@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, blank, placed, plain, save, sheet
 from .history import in_contact
+from .seat_stress import MM
 
 if TYPE_CHECKING:
     from .run import Service, Turned
@@ -44,7 +45,7 @@ def _bending(axes: Any, found: Service) -> None:
     axes.plot(bonded.z, bonded.bending, color=BLUE, lw=1.4, label="bonded fit")
     axes.plot(bonded.z, bonded.nominal, color="0.45", lw=1.0, ls=(0, (4, 3)), label="nominal")
     if found.turned is not None:
-        stress = found.turned.endurance.stress[:, :, 1]
+        stress = found.turned.endurance.stress[:, :, MM]
         amplitude = 0.5 * np.ptp(stress, axis=1)
         axes.plot(bonded.z, amplitude, color=VERMILION, lw=1.4, label="with friction")
     axes.set_ylim(bottom=0.0)

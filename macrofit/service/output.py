@@ -16,7 +16,7 @@ from ..scene import dump_scene
 from .bonded import OUTSIDE, Bonded, Edge
 from .fit import Fit
 from .history import SLIPPED, Endurance, Fretting
-from .seat_stress import MM
+from .seat_stress import MM, NM, NN
 from .wheelset import Wheelset
 
 if TYPE_CHECKING:
@@ -91,9 +91,10 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
         found.append(
             "no place of the seat stays in contact all around: the wheel lifts off as it turns; lower the loads"
         )
-    if wear.left[0] > STEADY and wear.axial_range.max() > SLIPPED:
+    if max(wear.left) > STEADY and wear.axial_range.max() > SLIPPED:
+        way = "along" if wear.left[0] == max(wear.left) else "around"
         found.append(
-            f"the wheel creeps: the last revolution leaves {wear.left[0]:.1%} of the slip; try more "
+            f"the wheel creeps: the last revolution leaves {max(wear.left):.1%} of the slip, {way} the axle; try more "
             f"service.revolutions, and if it stays, lower the loads"
         )
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
@@ -123,8 +124,8 @@ def seat_columns(bonded: Bonded, turned: Turned | None) -> dict[str, FloatArray]
         "z_mm": bonded.z,
         "nominal_stress_MPa": bonded.nominal,
         "bonded_bending_stress_MPa": bonded.bending,
-        "bonded_normal_MPa": 2.0 * first[:, 0].real,
-        "bonded_shear_MPa": 2.0 * first[:, 3].real,
+        "bonded_normal_MPa": 2.0 * first[:, NN].real,
+        "bonded_shear_MPa": 2.0 * first[:, NM].real,
     }
     if turned is None:
         return columns
@@ -192,7 +193,7 @@ def _bonded_said(edge: dict[str, float | None]) -> str:
 
 
 def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[str]:
-    zone, slip = friction["slip_zone_mm"], friction["slip_range_mm"]
+    zone, slip, left = (friction[key] for key in ("slip_zone_mm", "slip_range_mm", "slip_left_by_revolution"))
     shares = ("crossland", "dang_van", "findley")
     said = ", ".join(f"{name.replace('_', ' ').title()} {endurance[name]['value']:.2f}" for name in shares)
     return [
@@ -202,7 +203,7 @@ def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[st
         ),
         f"Friction work   {1e-3 * friction['friction_work_N_mm']:.4g} J per revolution; that of the loads differs by "
         f"{friction['work_balance']:.1e}",
-        f"Steady          the last revolution leaves {friction['slip_left_by_revolution']['axial']:.1e} of the slip, "
+        f"Steady          the last revolution leaves {left['axial']:.1e} of slip along, {left['around']:.1e} around, "
         f"and is a wave to {friction['wave_error']['axial']:.1e}",
         f"Share of limit  {said}, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
     ]

@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 from mpi4py import MPI
 
-from ..assembly import assemble, friction_field, yielding_of
-from ..base.arrays import FloatArray
+from ..assembly import Assembly, assemble, friction_field, yielding_of
+from ..base.arrays import BoolArray, FloatArray
 from ..bodies.approach import check_approach
 from ..bodies.body import Body
+from ..bodies.stress import StressEvaluator
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
 from ..errors import SceneError
@@ -21,7 +22,7 @@ from ..press import REACH, Press
 from ..release import is_held, let_go
 from ..scene.keys import Scene
 from ..state import Step
-from .seat_stress import surface_stress
+from .seat_stress import MM, TT, facet_mean, surface_stress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +65,10 @@ def pressed_and_released(scene: Scene, friction: GivenFriction | None = None) ->
         )
     if not steps[-1].facets.friction.any():
         raise SceneError("friction: without it nothing holds the wheel in service; give a coefficient")
-    return _residual(press, steps[-1], after.axial_force), assembly.bodies
+    return _residual(press, steps[-1], after.axial_force, assembly), assembly.bodies
 
 
-def _residual(press: Press, step: Step, force: float) -> Residual:
+def _residual(press: Press, step: Step, force: float, assembly: Assembly) -> Residual:
     """The moments of a step, which face each other with or without the ends that stand wide open."""
     state, line, found = step.state, press.seat.line, step.report.answer.traction
     bore = warmed(press.bore, state.thermal_strain)
@@ -77,10 +78,6 @@ def _residual(press: Press, step: Step, force: float) -> Residual:
         raise SceneError(f"service: at {state.displacement:g} mm, where the press lets go, the wheel is off its seat")
     facet = np.repeat(coupling.portions.facet, press.seat.moments)
     traction = np.concatenate([found, np.zeros((1, found.shape[1]))])
-    nodes = len(line.nodes)
-    moved = state.seat_displacement.reshape(2, -1)[:, :nodes]
-    displacement = np.stack([moved[0], np.zeros(nodes), moved[1]], axis=1).astype(np.complex128)
-    means = np.stack([-step.facets.pressure, step.facets.traction, np.zeros(line.facets)], axis=1)
     return Residual(
         displacement=state.displacement,
         force=force,
@@ -88,5 +85,36 @@ def _residual(press: Press, step: Step, force: float) -> Residual:
         traction=traction,
         gap=np.maximum(step.report.answer.trial[0], 0.0) / press.seat.gamma[facet],
         friction=step.facets.friction[facet],
-        stress=surface_stress(line, 0, displacement, means.astype(np.complex128)).real,
+        stress=_stress(press, step, assembly),
     )
+
+
+def _stress(press: Press, step: Step, assembly: Assembly) -> FloatArray:
+    """The stress of the seat (facets, 6) [MPa]: of its surface, and where it flowed of the patches of `bodies`."""
+    line, nodes = press.seat.line, len(press.seat.line.nodes)
+    moved = step.state.seat_displacement.reshape(2, -1)[:, :nodes]
+    displacement = np.stack([moved[0], np.zeros(nodes), moved[1]], axis=1).astype(np.complex128)
+    means = np.stack([-step.facets.pressure, step.facets.traction, np.zeros(line.facets)], axis=1)
+    out = surface_stress(line, 0, displacement, means.astype(np.complex128)).real
+    if "axle" in assembly.plastic:
+        flowed, found = _flowed(step, assembly)
+        out[flowed, MM], out[flowed, TT] = found[flowed].T
+    return out
+
+
+def _flowed(step: Step, assembly: Assembly) -> tuple[BoolArray, FloatArray]:
+    """Which facets of the seat flowed (facets,), and the patches' stress along and around it (facets, 2) [MPa]."""
+    plastic, state = assembly.plastic["axle"], step.state
+    body = plastic.body
+    line, strain = body.line, state.flow["axle"].state.strain if state.flow else np.zeros((plastic.count, 4))
+    displacement = body.back_substitute(state.seat_load[:, None]) + body.solve(plastic.load(strain)[:, None])
+    evaluator = StressEvaluator(body)
+    stress = evaluator.stress(displacement)[:, :, 0] - plastic.moduli @ strain.T
+    (n_r, n_z), pressure, shear = line.normals.T, step.facets.pressure, step.facets.traction
+    traction = np.stack([-pressure * n_r - shear * n_z, -pressure * n_z + shear * n_r], axis=1)
+    on_line, order = body.trace[: len(line.nodes)], line.order
+    strained = evaluator.patches.recover(strain.T)[on_line].any(axis=1)
+    of_nodes = evaluator.patches.recover(stress, traction)[on_line].astype(np.complex128)
+    rr, zz, tt, rz = (facet_mean(each, order).real for each in of_nodes.T)
+    flowed = np.logical_or.reduce([strained[k : len(strained) - order + k : order] for k in range(order + 1)])
+    return flowed, np.stack([n_z**2 * rr + n_r**2 * zz - 2.0 * n_r * n_z * rz, tt], axis=1)

@@ -1,8 +1,8 @@
 """The rotation: the loads come up, then they turn around the axle step by step, revolution after revolution.
 
-Time is counted in revolutions: from -1 to 0 the loads grow at the angle 0, from 0 on they turn. Everything is counted
-from the released fit. A step starts from the slips before it, turned on by its angle; if Newton's method does not get
-there, from those before it as they are; then it is halved.
+Time is counted in revolutions: from -1 to 0 the loads grow as they turn, from 0 on they are whole. Everything is
+counted from the released fit. A step starts from the slips before it, turned on by its angle, or as they are, first
+from what helped last; if Newton's method gets nowhere from both, it is halved.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ from ..errors import ConvergenceError
 from .kernel import Kernel
 from .slipping import Law, Solved, solve_step
 
-RAMP = 4
-"""Steps in which the loads come up."""
 HALVINGS = 6
 
 
@@ -53,7 +51,7 @@ class Rotation:
         flat = self._slip.reshape(kernel.angles, -1)
         self.still = self._traction - kernel.respond(flat).reshape(self._slip.shape)
         self.steps = kernel.angles * math.ceil(steps / kernel.angles)
-        self.iterations = 0
+        self.iterations, self._turns = 0, True
 
     def rest(self) -> Moment:
         """The released fit, without loads."""
@@ -109,14 +107,12 @@ class Rotation:
         law = Law(friction=self.friction, before=here.slip)
         still = self.still + self._load(time).reshape(here.slip.shape)
         flat = here.slip.reshape(len(here.slip), -1)
-        guesses = [here.slip]
-        if here.time > -1.0:
-            turned = self.kernel.turned(flat, 2.0 * math.pi * (time - here.time))
-            guesses.insert(0, turned.reshape(here.slip.shape))
-        for guess in guesses:
-            solved = solve_step(self.kernel, law, still, guess)
+        turned = self.kernel.turned(flat, 2.0 * math.pi * (time - here.time)).reshape(here.slip.shape)
+        for turns in (True, False) if self._turns else (False, True):
+            solved = solve_step(self.kernel, law, still, turned if turns else here.slip)
             self.iterations += solved.iterations
             if solved.converged:
+                self._turns = turns  # what helped last is tried first: a guess that does not help takes longest
                 return solved
         return None
 

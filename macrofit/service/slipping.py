@@ -33,6 +33,8 @@ RHO = 2e4
 TOLERANCE = 1e-9
 """Residual of a step, in the largest pressure."""
 ITERATIONS = 40
+LOST = 100.0
+"""Slip beyond which Newton's method has lost the wheel [mm]."""
 DENSE = 400
 """Unknowns from which on a linear problem is solved by GMRES."""
 LINEAR = 1e-8
@@ -98,9 +100,9 @@ def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -
         if opens.any() or slips.any():
             slip += _correction(kernel, law, (traction, moved), q, bound, opens, slips)
         traction = still + _respond(kernel, slip)
-        if not np.isfinite(traction).all():
+        if not (np.isfinite(traction).all() and float(np.abs(slip).max()) < LOST):
             break
-    return Solved(traction=traction, slip=slip, iterations=ITERATIONS, converged=False)
+    return Solved(traction=traction, slip=slip, iterations=iteration + 1, converged=False)
 
 
 def _respond(kernel: Kernel, slip: FloatArray) -> FloatArray:

@@ -7,8 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from macrofit.scene.keys import ServiceKeys
 from macrofit.scene.material import Material
 from macrofit.service.criteria import Limits, judge_histories, smallest_ball
+from macrofit.service.history import limits_of
 
 LIMITS = Limits(bending=240.0, torsion=150.0)
 STEEL = Material(youngs_modulus=206e3, poisson_ratio=0.3)
@@ -57,6 +59,19 @@ def test_reversed_bending_and_torsion_at_their_limits_are_one() -> None:
         found = judge_histories(stress, LIMITS, STEEL)
         for share in (found.crossland, found.dang_van, found.findley):
             assert share[0] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_steady_shear_does_not_count_by_findley() -> None:
+    # half the longest chord of the shear's path, wherever the path lies
+    found = judge_histories(history(nm=400.0 + 150.0 * np.cos(TIMES)), LIMITS, STEEL)
+    k = LIMITS.findley
+    assert 1.0 <= found.findley[0] <= (150.0 * np.sqrt(1.0 + k * k) + k * 400.0) / (150.0 * np.sqrt(1.0 + k * k))
+    sheared = judge_histories(history(nm=np.full_like(TIMES, 60.0)), LIMITS, STEEL)
+    assert sheared.findley[0] == pytest.approx(k * 60.0 / (150.0 * np.sqrt(1.0 + k * k)), rel=1e-6)
+
+
+def test_the_limit_in_torsion_is_a_part_of_that_in_bending_where_none_is_given() -> None:
+    assert limits_of(ServiceKeys(bending_limit=250.0)) == Limits(bending=250.0, torsion=150.0)
 
 
 def test_smith_watson_topper_of_reversed_bending() -> None:

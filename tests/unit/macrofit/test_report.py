@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import json
 import os
@@ -22,9 +23,10 @@ from browser import Browser, browser
 from click.testing import CliRunner
 
 from macrofit.cli import main
-from macrofit.report.chart import Frame, Window, names, ticks
+from macrofit.report.chart import BOTTOM, Frame, Window, names, overlay, ticks
+from macrofit.report.page import pictures
 from macrofit.report.pdf import found_browser
-from macrofit.report.seat import MOST_VALUES, shown_increments
+from macrofit.report.seat import MOST_VALUES, SHOWN, Seat, seat_view, shown_increments
 
 TITLE = "A <b>short</b> fit & its ends"
 SCENE = f"""
@@ -344,6 +346,26 @@ def test_a_mistake_is_one_line(folder, arguments, said, tmp_path, monkeypatch):
     assert said in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"), [(["--standard", "gost-11018"], "leave --standard"), (["-o", "page.html"], "is a folder")]
+)
+def test_a_mistake_with_a_study_is_one_line(study, arguments, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "page.html").mkdir()
+    done = macrofit("report", study, *arguments)
+    assert done.exit_code == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert said in done.stderr
+
+
+def test_pictures_have_their_size_together(tmp_path):
+    for name, size in (("stress.png", 50), ("stress_entrance.png", 30), ("friction.png", 30), ("distributions.png", 5)):
+        (tmp_path / name).write_bytes(bytes(size))
+    shown, left = pictures(tmp_path, 90)
+    assert [len(base64.b64decode(each["address"].split(",")[1])) for each in shown] == [50, 30, 5]
+    assert left == ["friction.png"]
+
+
 def test_a_run_of_an_older_version_has_a_page_without_what_it_did_not_record(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
@@ -399,6 +421,30 @@ def test_names_of_windows_do_not_lie_on_each_other():
     heights = [float(y) for y in re.findall(r' y="([\d.]+)"', names(frame, close))]
     assert len(heights) == 2
     assert heights[1] - heights[0] >= 15.9
+
+
+def test_curves_of_a_single_displacement_are_drawn():
+    drawn = overlay([("one", np.array([180.0]), np.array([5.0]))], [])
+    assert "nan" not in drawn
+    assert "180" in drawn
+
+
+def test_references_are_drawn_with_the_others():
+    x = np.array([0.0, 180.0])
+    drawn = overlay([("reference", x, x), ("run", x, x)], [], 1)
+    assert drawn.count('stroke-width="2.0"') == 4  # two curves and their keys in the legend
+
+
+def test_what_friction_holds_stays_within_its_drawing_when_the_push_turns():
+    shear = np.array([[10.0, 12.0, 9.0], [-3.0, 1.0, -4.0], [0.0, 0.0, 0.0]])
+    seat = Seat(coordinate="z", edges=np.arange(4.0), pressure=np.full((3, 3), 100.0), traction=shear,
+                friction=np.full((3, 3), 0.15), shown=np.arange(3))  # fmt: skip
+    curve = {key: np.arange(1.0, 4.0) for key in SHOWN}
+    line = seat_view(seat, curve, Frame(x0=0.0, x1=3.0, y0=0.0, y1=1.0))["data"]["lines"][2]
+    values = np.frombuffer(base64.b64decode(line["values"]), "<i2").reshape(3, 3)
+    heights = line["zero"] + line["pixels"] * values
+    assert (np.sign(values[:, 0]) == [1, -1, 1]).all()
+    assert 0.0 < heights.min() < heights.max() < 280.0 - BOTTOM
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (0.0, 2728.5), (-3e-3, 1e-2), (100.0, 101.0)])

@@ -39,6 +39,8 @@ def test_folder_has_numbers_tables_and_a_figure(tmp_path: Path) -> None:
     assert found["friction"]["steps"] == 9
     assert found["endurance"]["crossland"]["value"] == pytest.approx(seat["crossland"].max())
     assert np.diff(wear["z_mm"]).min() > 0.0
+    parts = (seat["largest_axial_stress_MPa"], wear["largest_shear_MPa"], wear["axial_slip_range_mm"])
+    assert 0.1 < seat["ruiz_MPa2_mm"].max() / np.prod([part.max() for part in parts]) <= 1.0
     assert (wear["largest_shear_MPa"] <= 0.2 * wear["largest_pressure_MPa"] + 1e-3).all()
     for word in ("Released", "Revolution 3", "Front edge", "Inner slip", "Friction work", "Share of limit"):
         assert word in result.stdout
@@ -61,6 +63,23 @@ def test_loads_scale_the_nominal_stress(tmp_path: Path) -> None:
     one, two = (read_table(tmp_path / name / output.SEAT) for name in ("one", "two"))
     for column in ("nominal_stress_MPa", "bonded_bending_stress_MPa", "bonded_shear_MPa"):
         assert two[column] == pytest.approx(2.0 * one[column], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("load", "doubt"),
+    [
+        ("service.torque=1e7", "of the slip, around the axle"),
+        ("service.torque=1e8", "the work of the loads is not that of friction"),
+        ("service.journal_moment=2e9", "the wheel lifts off as it turns"),
+    ],
+)
+def test_a_wheel_that_does_not_stay_is_doubted(tmp_path: Path, load: str, doubt: str) -> None:
+    result = service(tmp_path / "served", load)
+    assert result.exit_code == 0, result.stderr
+    assert any(
+        doubt in sentence for sentence in json.loads((tmp_path / "served" / output.NUMBERS).read_text())["doubts"]
+    )
+    assert "Doubtful: " in result.stdout
 
 
 @pytest.mark.parametrize(
