@@ -22,8 +22,9 @@ from meso.cli import main
 from meso.errors import SettingsError, SurfaceError
 from meso.measured.clean import lay
 from meso.measured.keys import ScanKeys
+from meso.measured.raw import length_unit
 from meso.measured.read import read_scan
-from meso.settings import Settings, decode, dump
+from meso.settings import Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
 from meso.surfaces.face import rough_face
 from meso.surfaces.measured import as_surface, covering, measured_face, scan_of
@@ -60,7 +61,7 @@ def written(folder: Path, name: str, table: np.ndarray, step: tuple[float, float
 
 def predicted(predictor: Predictor, scan: ScanKeys) -> float:
     """Coefficient of the face as the axle's, on a generated wheel."""
-    return float(predict_pair(predictor, (0.07,), None, scan, 1, 2, 0.02, 3, 0.8).mean[0])
+    return float(predict_pair(predictor, (0.07,), SurfaceKeys(axle=scan)).mean[0])
 
 
 @pytest.mark.parametrize("missing", [False, True])
@@ -187,6 +188,30 @@ def test_contradictions_and_other_files_are_refused(heights: np.ndarray, tmp_pat
         assert "\n" not in str(caught.value)
 
 
+UNITS = {
+    "µm": 1e-3,
+    "μm": 1e-3,
+    "um": 1e-3,
+    "microns": 1e-3,
+    "~m": 1e-3,
+    "Å": 1e-7,
+    "MM": 1.0,
+    "[nm]": 1e-6,
+    "inch": 25.4,
+}
+
+
+@pytest.mark.parametrize("written", UNITS)
+def test_a_unit_of_length_is_known_however_it_is_written(written: str) -> None:
+    assert length_unit(f"{written}\x00\x00") == UNITS[written]
+
+
+@pytest.mark.parametrize("written", ["Mm", "mN", "N", "s", "V", "µ"])
+def test_a_unit_of_something_else_is_refused(written: str) -> None:
+    with pytest.raises(SurfaceError, match=f"unit '{written}' is not one of length"):
+        length_unit(written)
+
+
 # --- tiles of strips and patches
 
 
@@ -234,6 +259,29 @@ def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
     assert np.mean([np.mean(face[:16] ** 2) for face in faces]) == pytest.approx(there, rel=0.1)
     steps = np.concatenate([np.diff(face[:17], axis=0).ravel() for face in faces])
     assert np.abs(steps).max() < 3.0 * max(np.abs(np.diff(face, axis=0)).max() for face in means)
+
+
+def test_each_patch_is_read_once_however_many_there_are(
+    patches: ScanKeys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tiles of both bodies in turn, as a run asks for them; every one takes all the patches of its body."""
+    read: list[Path] = []
+
+    def counted(path: Path) -> object:
+        read.append(path)
+        return read_scan(path)
+
+    monkeypatch.setattr("meso.surfaces.measured.read_scan", counted)
+    both = {}
+    for body in ("axle", "wheel"):
+        files = [tmp_path / f"{body}{k}.x3p" for k in range(6)]
+        for k, file in enumerate(files):
+            file.write_bytes(Path(patches.files[k % 3]).read_bytes())
+        both[body] = ScanKeys(files=tuple(map(str, files))).found()
+    for tile in range(3):
+        for body, keys in both.items():
+            measured_face(keys, body, tile_seed(1, tile), (1.0, 1.0))  # type: ignore[arg-type]
+    assert len(read) == len(set(read)) == 12
 
 
 def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
