@@ -358,7 +358,7 @@ def predict(
     from .network.shipped import SHIPPED
     from .pair import predict_pair
 
-    if target is not None and target.suffix not in (".png", ".csv"):
+    if target is not None and target.suffix.lower() not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
     scan = take_options(surface)
     files = {"axle": axle and asked_scan(axle, scan), "bore": wheel and asked_scan(wheel, scan)}
@@ -383,9 +383,9 @@ def predict(
 def table(database: Path, path: Path) -> None:
     """Write a database as a table of text: all but the heights, which follow from the seeds."""
     from .data.database import read_database
-    from .data.table import TABLES, write_table
+    from .data.table import TABLES, is_table, write_table
 
-    if not path.name.endswith(TABLES):
+    if not is_table(path):
         raise click.UsageError(f"--output {path}: give a name that ends in {' or '.join(TABLES)}")
     found = read_database(database)
     write_table(found, path)

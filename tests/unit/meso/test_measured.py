@@ -188,6 +188,19 @@ def test_contradictions_and_other_files_are_refused(heights: np.ndarray, tmp_pat
         assert "\n" not in str(caught.value)
 
 
+def test_points_in_a_text_and_a_unit_in_bytes_are_known(heights: np.ndarray, tmp_path: Path) -> None:
+    """Instruments write x, y, z into .txt as well; other programs put a text into an .npz as bytes."""
+    x, y = np.meshgrid(*(step * np.arange(count) for step, count in zip(STEP, SHAPE, strict=True)), indexing="ij")
+    np.savetxt(tmp_path / "a.txt", np.stack([x.ravel(), y.ravel(), heights.ravel()], axis=1), header="x y z")
+    raw = read_scan(tmp_path / "a.txt")
+    assert raw.spacing == pytest.approx(STEP)
+    assert np.allclose(raw.heights, heights)
+    np.savetxt(tmp_path / "b.txt", heights[:, :3])
+    assert read_scan(tmp_path / "b.txt").heights.shape == (SHAPE[0], 3)
+    np.savez(tmp_path / "a.npz", heights=heights, spacing=STEP, unit=np.bytes_("um"))
+    assert read_scan(tmp_path / "a.npz").unit == 1e-3
+
+
 UNITS = {
     "µm": 1e-3,
     "μm": 1e-3,
@@ -351,6 +364,21 @@ def test_the_network_takes_measured_faces(strip: ScanKeys, patches: ScanKeys) ->
         build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
     with pytest.raises(ProviderError, match=r"friction\.options\.surface\.axle: no\.sur: cannot be read"):
         load("surrogate", {"surface": {"axle": "no.sur"}})
+
+
+@pytest.mark.parametrize(("rough", "refused"), [(2.0, False), (5.0, True)])
+def test_a_strip_is_unlike_those_learned_from_where_most_of_it_is(rough: float, refused: bool, tmp_path: Path) -> None:
+    """A rough place on a seat does not refuse the run: the network tells of its pairs one by one."""
+    table = scans.textured(np.random.default_rng(8), (1000, 105), (0.01, 0.01))
+    table *= 12.0
+    table[: round(100 * rough)] *= 2.0  # more than the 22 um learned from, also as means over a grid
+    file = written(tmp_path, "a.sur", table, (0.01, 0.01))
+    asked = {"surface": {"axle": {"files": [str(file)], "remove": "none"}}}
+    if not refused:
+        build("surrogate", asked, CONTEXT)
+        return
+    with pytest.raises(ProviderError, match="the axle's face is rougher than any learned from"):
+        build("surrogate", asked, CONTEXT)
 
 
 def test_the_plates_take_measured_faces(strip: ScanKeys, patches: ScanKeys) -> None:
