@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import tomllib
+import zipfile
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
@@ -119,6 +122,70 @@ def test_spikes_are_mended_and_grooves_are_not(tmp_path: Path) -> None:
     scan = scan_of(keys(written(tmp_path, "a.x3p", spiky, (0.005, 0.005))), 0)
     assert any(line.startswith("spikes: ") for line in scan.done)
     assert measure(as_surface(scan)).Sq == pytest.approx(measure(as_surface(whole)).Sq, rel=0.01)
+
+
+@pytest.mark.parametrize("inverted", [1, 2, 3])
+def test_an_inverted_surface_of_digital_surf_is_turned_back(heights: np.ndarray, tmp_path: Path, inverted: int) -> None:
+    """Upside down, and then along x or y as well."""
+    data = bytearray(scans.sur(heights, STEP))
+    data[290] = inverted
+    (tmp_path / "a.sur").write_bytes(data)
+    turned = {1: heights, 2: heights[::-1], 3: heights[:, ::-1]}[inverted]
+    raw = read_scan(tmp_path / "a.sur")
+    assert np.allclose(raw.heights * raw.unit, -turned, atol=2e-7)
+
+
+def test_rows_of_alicona_are_padded(heights: np.ndarray, tmp_path: Path) -> None:
+    raw = read_scan(written(tmp_path, "a.al3d", heights[:209]))
+    assert np.allclose(raw.heights * raw.unit, heights[:209], atol=1e-7)
+
+
+def rewritten(data: bytes, change: Callable[[bytes], bytes]) -> bytes:
+    """An X3P archive with another index."""
+    target = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, change(old.read(name)) if name == "main.xml" else old.read(name))
+    return target.getvalue()
+
+
+def test_the_index_of_an_archive_has_an_offset_and_no_declarations(heights: np.ndarray, tmp_path: Path) -> None:
+    """Declarations can name other files, and make a small index fill the memory."""
+    data, path = scans.x3p(heights, STEP), tmp_path / "a.x3p"
+    path.write_bytes(rewritten(data, lambda text: text.replace(b"<Offset>0<", b"<Offset>1e-6<")))
+    assert np.allclose(read_scan(path).heights, 1e-3 * heights + 1e-6, atol=1e-12)
+    path.write_bytes(rewritten(data, lambda text: text.replace(b"?>", b'?><!DOCTYPE p [<!ENTITY a "b">]>', 1)))
+    with pytest.raises(SurfaceError, match="its index has declarations of its own"):
+        read_scan(path)
+
+
+def test_a_head_says_how_far_a_table_reaches_and_few_points_are_no_grid(tmp_path: Path) -> None:
+    head = "rows along x = 0 ... 2 mm, 5 columns along y = 0 ... 1 mm"
+    np.savetxt(tmp_path / "a.csv", np.arange(45.0).reshape(9, 5), delimiter=",", header=head)
+    assert read_scan(tmp_path / "a.csv").spacing == (0.25, 0.25)
+    np.savetxt(tmp_path / "a.xyz", np.arange(10.0)[:, None] * [1.0, 1.0, 1e-3])
+    with pytest.raises(SurfaceError, match="its 10 points fill a grid of 10 x 10 to less than a quarter"):
+        read_scan(tmp_path / "a.xyz")
+
+
+def test_small_spikes_are_found_beside_large_ones_and_on_a_tilted_face(tmp_path: Path) -> None:
+    """Sixty spikes of 4 mm in a corner bend the form, and hide one of 30 um in the first round."""
+    step = (0.005, 0.005)
+    table = scans.textured(np.random.default_rng(5), (300, 300), step)
+    table += 0.3 * step[0] * np.arange(300)[:, None]
+    whole = scan_of(keys(written(tmp_path, "a.sur", table, step)), 0)
+    table[2:42:5, 2:42:5] += 4.0
+    table[150, 150] += 0.03
+    found = scan_of(keys(written(tmp_path, "a.x3p", table, step)), 0)
+    assert "spikes: 65 points" in " ".join(found.done)
+    assert np.abs(found.heights - whole.heights).max() < 0.01
+
+
+def test_a_border_that_was_not_measured_is_cut_off(heights: np.ndarray, tmp_path: Path) -> None:
+    table = np.pad(heights, ((4, 2), (0, 3)), constant_values=np.nan)
+    scan = scan_of(keys(written(tmp_path, "a.x3p", table)), 0)
+    assert scan.done[0] == "6 rows and 3 columns cut off at the border, mostly missing"
+    assert np.allclose(scan.heights, scan_of(keys(written(tmp_path, "a.npy", heights)), 0).heights, atol=1e-6)
 
 
 REFUSED = {

@@ -156,6 +156,21 @@ def test_answers_are_those_of_torch(more: dict[str, Any]) -> None:
     assert np.allclose(spread, answers[1][:, 0], rtol=1e-4, atol=1e-6)
 
 
+def test_a_pair_that_hardly_touches_has_no_boundless_slope() -> None:
+    """Contact is lost after the first of 17 places: the mean load is 3 % of that at the start, and counts as 5 %."""
+    options = EnsembleOptions(stiffness=[1e5], load=LOAD, positions=17)
+    arrays = {name: np.zeros(shape, np.float32) for name, shape in ensemble_shapes(options).items()}
+    wheel, axle = np.zeros((1, 17, 17), np.float32), np.zeros((1, 33, 17), np.float32)
+    axle[0, 1:] = -0.05
+    wheel[0, 1:] = -0.05
+    one = np.zeros(1, np.int64)
+    slopes, _ = TrainedEnsemble(options, arrays).prepare(wheel, axle, one, one)
+    overlap = 17.0 * LOAD / 1e5  # on one row of 17
+    assert slopes[0, 0] == pytest.approx(-0.5 * LOAD * overlap / (0.05 * LOAD), rel=1e-4)
+    known = Foundation([1e5], LOAD, 17).slide(torch.from_numpy(wheel), torch.from_numpy(axle))
+    assert slopes[0, 0] == pytest.approx(float(known.b), rel=1e-5)
+
+
 def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = Predictor(stored(tmp_path / "m.safetensors", *network("energy"))).model
     assert isinstance(model, TrainedEnsemble)
