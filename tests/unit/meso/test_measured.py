@@ -29,6 +29,7 @@ from meso.measured.raw import length_unit
 from meso.measured.read import read_scan
 from meso.settings import Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
+from meso.surfaces import measured as laying
 from meso.surfaces.face import rough_face
 from meso.surfaces.measured import as_surface, covering, measured_face, scan_of
 from meso.surfaces.roughness import measure
@@ -339,6 +340,37 @@ def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
     assert np.mean([np.mean(face[:16] ** 2) for face in faces]) == pytest.approx(there, rel=0.1)
     steps = np.concatenate([np.diff(face[:17], axis=0).ravel() for face in faces])
     assert np.abs(steps).max() < 3.0 * max(np.abs(np.diff(face, axis=0)).max() for face in means)
+
+
+def test_a_scan_too_coarse_for_a_small_tile_is_refused(heights: np.ndarray, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.npy", heights[::16, ::8])
+    coarse = keys(path, spacing=(0.16, 0.1))
+    assert measured_face(coarse, "wheel", 0, (1.0, 1.0)).size == (1.0, 1.0)
+    with pytest.raises(SurfaceError, match=r"its points are 0\.16 mm apart, a tile needs 0\.125 mm or less"):
+        measured_face(coarse, "wheel", 0, (0.5, 0.5))
+
+
+def test_overlaps_have_the_variance_of_the_patches(patches: ScanKeys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pieces of white noise of variance 1: so is every row of 60 tiles; a linear fade has 0.5 somewhere."""
+    rng = np.random.default_rng(4)
+
+    def noise(scan: object, laid: object, along: np.ndarray, y: np.ndarray, piece: float) -> np.ndarray:
+        return rng.standard_normal((len(along), len(y)))
+
+    monkeypatch.setattr(laying, "_read", noise)
+    faces = [measured_face(patches, "wheel", tile_seed(1, k), (1.0, 1.0)).heights for k in range(60)]
+    assert np.mean(np.square(faces), axis=(0, 2)) == pytest.approx(np.ones(17), abs=0.2)
+
+
+def test_a_piece_is_reflected_in_both_directions(patches: ScanKeys) -> None:
+    scan, y = scan_of(patches, 0), np.linspace(0.0, 1.0, 17)
+    straight, turned, mirrored = (
+        laying._read(scan, laying._Piece(0, (0.0, 0.0), flipped), y, y, 1.0)
+        for flipped in ((False, False), (True, False), (False, True))
+    )
+    assert np.allclose(turned, straight[::-1], atol=1e-12)
+    assert np.allclose(mirrored, straight[:, ::-1], atol=1e-12)
+    assert not np.allclose(straight, straight[:, ::-1], atol=1e-4)
 
 
 def test_each_patch_is_read_once_however_many_there_are(
