@@ -135,7 +135,7 @@ def _faces(about: Provenance, surface: SurfaceKeys) -> tuple[list[HeightArray], 
         if source is None:
             faces.append(generated_face(body, seed, surface, about.points))
             continue
-        face, did, doubted = measured_face(source, body, seed, about.points)
+        face, did, doubted = measured_face(source, body, seed, about.points, surface.form)
         findings += outside_heights(face, body, source.files[0], about.max_height)
         doubts += [f"{source.files[0]}: {line}" for line in doubted]
         done += [f"{body}: {line}" for line in did]

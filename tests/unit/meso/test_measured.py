@@ -342,6 +342,19 @@ def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
     assert np.abs(steps).max() < 3.0 * max(np.abs(np.diff(face, axis=0)).max() for face in means)
 
 
+def test_a_measured_face_is_levelled_where_it_is_asked_for(strip: ScanKeys, network: Predictor) -> None:
+    """By the plates and by the prediction for them."""
+    scan = msgspec.structs.replace(strip, remove="none")
+    left, level = (SurfaceKeys(form=form, axle=scan, axle_seed=tile_seed(1, 2)) for form in ("strip", "levelled"))
+    found, flat = (rough_face(each, "axle", each.axle_seed, SIZES["axle"]) for each in (left, level))
+    assert np.allclose(flat.heights, found.levelled().heights, atol=1e-15)
+    assert not np.allclose(flat.heights, found.heights, atol=1e-5)
+    points = network.provenance.points
+    predicted_faces = [predict_pair(network, (0.07,), each).axle for each in (left, level)]
+    for face, known in zip(predicted_faces, (found, flat), strict=True):
+        assert np.allclose(face, known.resampled((2 * points - 1, points)).heights, atol=1e-8)
+
+
 def test_a_scan_too_coarse_for_a_small_tile_is_refused(heights: np.ndarray, tmp_path: Path) -> None:
     path = written(tmp_path, "a.npy", heights[::16, ::8])
     coarse = keys(path, spacing=(0.16, 0.1))
