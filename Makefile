@@ -111,11 +111,11 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	    case $$preset in
 	        slow)
 	            surrogate generate --design wide -o $(DATA)/wide.h5 --pairs $(WIDE_PAIRS)
-	            surrogate generate --design wide -o $(DATA)/wide-evaluation.h5 --pairs 54 $(WIDE_UNSEEN)
+	            surrogate generate --design wide -o $(DATA)/wide-evaluation.h5 --pairs 63 $(WIDE_UNSEEN)
 	            surrogate train $(DATA)/wide.h5 $$made.h5 -o $$made-energy.safetensors --points 17 --epochs 3000
 	            surrogate table $(DATA)/wide-evaluation.h5 -o $(MODELS)/wide-evaluation.csv.gz
 	            surrogate train $$made.h5 -o $$made-envelope.safetensors --faces envelope
-	            surrogate train $$made.h5 -o $$made-cnn.safetensors --architecture paper
+	            surrogate train $(DATA)/wide.h5 $$made.h5 -o $$made-cnn.safetensors --architecture paper --points 17
 	            surrogate table $$made-evaluation.h5 -o $(MODELS)/evaluation.csv
 	            cp $$made-energy.safetensors $(MODELS)/energy.safetensors
 	            cp $$made-envelope.safetensors $(MODELS)/envelope.safetensors

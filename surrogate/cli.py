@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from macrofit.base.farm import Farm
 
+    from .network.checkpoint import Control
     from .network.shipped import Shipped
 
 
@@ -336,19 +337,19 @@ def predict(
     network: str,
     target: Path | None,
     micro_friction: tuple[float, ...],
-    max_height: float | None,
-    levels: int | None,
-    hurst_exponent: float | None,
-    form: str | None,
+    pressure: float | None,
+    control: Control | None,
+    wheel: Path | None,
+    axle: Path | None,
     device: str,
-    **options: Any,
+    **surface: Any,
 ) -> None:
     """Predict the meso coefficient of a pair of rough faces, from their seeds or from files.
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
     announce("Network         loading", quiet=False)
-    from msgspec.structs import asdict
+    from msgspec.structs import replace
 
     from meso.settings import decode
 
@@ -357,16 +358,14 @@ def predict(
     from .network.shipped import SHIPPED
     from .pair import predict_pair
 
-    if target is not None and target.suffix not in (".png", ".csv"):
+    if target is not None and target.suffix.lower() not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
-    scan = take_options(options)
-    for body in ("wheel", "axle"):
-        options[body] = options[body] and asked_scan(options[body], scan)
-    given = {"levels": levels, "max_height": max_height, "hurst_exponent": hurst_exponent, "form": form}
-    tables = on_preset(preset, {"surface": {key: value for key, value in given.items() if value is not None}})
-    surface = asdict(decode({"surface": tables["surface"]}).surface)
+    scan = take_options(surface)
+    files = {"axle": axle and asked_scan(axle, scan), "bore": wheel and asked_scan(wheel, scan)}
+    tables = on_preset(preset, {"surface": {key: value for key, value in surface.items() if value is not None}})
+    keys = replace(decode({"surface": tables["surface"]}).surface, **files)
     predictor = Predictor(network_file(network, SHIPPED[preset]), device)
-    pair = predict_pair(predictor, micro_friction, **{key: surface[key] for key in given}, **options)
+    pair = predict_pair(predictor, micro_friction, keys, pressure, control)
     for warning in pair.outside:
         complain(f"warning: {warning}; the network has not seen such a case")
     for doubt in pair.doubts:
@@ -384,9 +383,9 @@ def predict(
 def table(database: Path, path: Path) -> None:
     """Write a database as a table of text: all but the heights, which follow from the seeds."""
     from .data.database import read_database
-    from .data.table import TABLES, write_table
+    from .data.table import TABLES, is_table, write_table
 
-    if not path.name.endswith(TABLES):
+    if not is_table(path):
         raise click.UsageError(f"--output {path}: give a name that ends in {' or '.join(TABLES)}")
     found = read_database(database)
     write_table(found, path)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
-from meso.measured.keys import ScanKeys
-from meso.settings import FaceKeys
+from meso.settings import FaceKeys, SurfaceKeys
 
 from .data.faces import generated_face, measured_face, rms_height
 from .errors import PredictionError
@@ -18,14 +17,10 @@ from .network.checkpoint import Control, Provenance, outside_training
 from .network.inference import QUANTILE_90
 from .network.predict import Predictor
 
-Form: TypeAlias = Literal["strip", "tiles", "levelled"]
-
 if TYPE_CHECKING:
     from meso.surfaces.surface import Body
 
 
-_Source: TypeAlias = "tuple[Body, ScanKeys | None, int]"
-"""A body with its files, or none, and its seed."""
 SMOOTHEST, ROUGHEST = 0.043, 0.22
 """Sq over R of generated faces: the least and the most of 960 with H from 0.5 to 1 [-]."""
 BEYOND = 5.0
@@ -64,14 +59,7 @@ class PairPrediction:
 def predict_pair(
     predictor: Predictor,
     micro_friction: tuple[float, ...],
-    wheel: ScanKeys | None,
-    axle: ScanKeys | None,
-    wheel_seed: int,
-    axle_seed: int,
-    max_height: float,
-    levels: int,
-    hurst_exponent: float,
-    form: Form = "strip",
+    surface: SurfaceKeys,
     pressure: float | None = None,
     control: Control | None = None,
 ) -> PairPrediction:
@@ -80,14 +68,8 @@ def predict_pair(
     Args:
         predictor: the network.
         micro_friction: micro coefficients [-].
-        wheel: files of the wheel's face; None: it is generated.
-        axle: files of the axle's face; None: it is generated.
-        wheel_seed: seed of a generated wheel, or of its tile on a strip or on patches.
-        axle_seed: seed of a generated axle, or of its tile.
-        max_height: R of generated faces [mm].
-        levels: subdivisions of generated faces.
-        hurst_exponent: H of generated faces [-].
-        form: of generated faces; of strips a seed is 65536 times its number plus the place on it.
+        surface: how the faces are made, or their files; of strips and patches a seed is 65536 times the number plus
+            the place on it.
         pressure: before the slide, on steel [MPa]; None: that of the network's plates.
         control: what is held while sliding; None: the height where the network knows that.
 
@@ -99,10 +81,8 @@ def predict_pair(
         raise PredictionError(f"--micro-friction {micro_friction}: take numbers from 0 to 2")
     if about.faces != "generated":
         raise PredictionError("the network knows envelopes of spheres only: choose one of generated faces")
-    keys = FaceKeys(form=form, levels=levels, max_height=max_height, hurst_exponent=hurst_exponent)
-    sources: tuple[_Source, ...] = (("wheel", wheel, wheel_seed), ("axle", axle, axle_seed))
-    faces, findings, doubts, done = _faces(about, keys, sources)
-    findings += _unseen_keys(about, faces, [wheel is not None, axle is not None], keys)
+    faces, findings, doubts, done = _faces(about, surface)
+    findings += _unseen_keys(about, faces, surface)
     micro = np.array(micro_friction)
     findings += [line for value in micro for line in outside_training(about, micro_friction=float(value))]
     held, unlike = _asked_slide(about, pressure, control)
@@ -123,12 +103,12 @@ def predict_pair(
     )
 
 
-def _unseen_keys(about: Provenance, faces: list[HeightArray], given: list[bool], keys: FaceKeys) -> list[str]:
+def _unseen_keys(about: Provenance, faces: list[HeightArray], surface: SurfaceKeys) -> list[str]:
     """How faces lie outside those the network has seen, by their keys and their highest point, in words."""
-    findings = [] if all(given) else other_faces(about, keys)
-    highest = 2e3 * max(float(np.abs(face).max()) for face in faces)
-    if any(given) and highest > 1.5e3 * about.max_height[1]:
-        findings.append(f"a face that rises {0.5 * highest:.0f} µm from nominal is higher than any learned from")
+    findings = other_faces(about, surface)
+    highest = 1e3 * max(float(np.abs(face).max()) for face in faces)
+    if (surface.axle is not None or surface.bore is not None) and highest > 750.0 * about.max_height[1]:
+        findings.append(f"a face that rises {highest:.0f} µm from nominal is higher than any learned from")
     return findings
 
 
@@ -143,19 +123,19 @@ def _asked_slide(
     return held, about.unlike(msgspec.structs.replace(about.plates, pressure=asked, control=held))
 
 
-def _faces(
-    about: Provenance, keys: FaceKeys, sources: tuple[_Source, ...]
-) -> tuple[list[HeightArray], list[str], list[str], list[str]]:
+def _faces(about: Provenance, surface: SurfaceKeys) -> tuple[list[HeightArray], list[str], list[str], list[str]]:
     """The faces of both bodies; what of those from files was never seen, what may be wrong with them, what was done."""
     faces: list[HeightArray] = []
     findings: list[str] = []
     doubts: list[str] = []
     done: list[str] = []
-    for body, source, seed in sources:
+    seeds: dict[Body, int] = {"wheel": surface.wheel_seed, "axle": surface.axle_seed}
+    for body, seed in seeds.items():
+        source = surface.measured(body)
         if source is None:
-            faces.append(generated_face(body, seed, keys, about.points))
+            faces.append(generated_face(body, seed, surface, about.points))
             continue
-        face, did, doubted = measured_face(source, body, seed, about.points)
+        face, did, doubted = measured_face(source, body, seed, about.points, surface.form)
         findings += outside_heights(face, body, source.files[0], about.max_height)
         doubts += [f"{source.files[0]}: {line}" for line in doubted]
         done += [f"{body}: {line}" for line in did]

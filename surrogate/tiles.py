@@ -228,14 +228,5 @@ def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
     return Predictor(path)
 
 
-@functools.lru_cache(maxsize=1)
-def shared_tiles(
-    predictor: Predictor,
-    seed: int,
-    surface: FaceKeys,
-    counts: tuple[int, int],
-    pressures: PressureLevels | None = None,
-    control: Control | None = None,
-) -> Tiles:
-    """Tiles of these arguments: the same object as last time if the arguments are the same."""
-    return Tiles(predictor, seed, surface, counts, pressures, control)
+shared_tiles = functools.lru_cache(maxsize=1)(Tiles)
+"""Tiles of these arguments: the same object as last time if the arguments are the same."""

@@ -15,6 +15,7 @@ from macrofit.base.arrays import FloatArray, IntArray
 
 from .. import kernels
 from ..material import Material
+from .kernels import find_candidates, first_touch
 from .lattice import Lattice
 
 FACE = 2.0
@@ -100,7 +101,7 @@ class Faces:
 
     def _touch(self, wheel: IntArray, axle: IntArray, slide: float) -> float:
         """Height of the first touch of these spheres [mm]; -inf where they miss each other."""
-        return float(kernels.first_touch(*self._spheres(wheel, axle), slide))
+        return float(first_touch(*self._spheres(wheel, axle), slide))
 
     def _facing(self, low: float, margin: float) -> tuple[IntArray, IntArray]:
         """Numbers of the wheel's and axle's spheres that may come within `margin` [mm] at heights from `low` [mm].
@@ -139,7 +140,7 @@ class Faces:
             return NOBODY
         centres, *others = self._spheres(wheel, axle)
         centres = centres + np.array([sway[0], sway[1], 0.0])
-        pair, span = kernels.find_candidates(centres, *others, low, high, travel, margin)
+        pair, span = find_candidates(centres, *others, low, high, travel, margin)
         pair = np.stack([wheel[pair[:, 0]], axle[pair[:, 1]]], axis=1)
         order = np.lexsort((pair[:, 1], pair[:, 0], span[:, 0]))
         (i, j), span = pair[order].T, span[order]

@@ -10,8 +10,8 @@ import numpy as np
 from macrofit.base.arrays import BoolArray, FloatArray
 
 from ..errors import SurfaceError
-from .keys import HEIGHT_UNITS, ScanKeys
-from .raw import RawScan
+from .keys import ScanKeys
+from .raw import RawScan, length_unit
 
 MOST_MISSING, MUCH_MISSING = 0.25, 0.05
 """Share of missing points above which a scan is refused, and above which it is doubted [-]."""
@@ -91,7 +91,7 @@ def _in_mm(raw: RawScan, keys: ScanKeys) -> Scan:
     if raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
         shape = " x ".join(map(str, raw.heights.shape))
         raise SurfaceError(f"it holds {shape} numbers: a surface takes at least 2 x 2 points")
-    asked = None if keys.unit is None else HEIGHT_UNITS[keys.unit]
+    asked = None if keys.unit is None else length_unit(keys.unit)
     if asked is not None and raw.unit is not None and not math.isclose(asked, raw.unit):
         raise SurfaceError(f"unit = '{keys.unit}' is asked for, and the file says another one: leave the key out")
     unit = raw.unit if raw.unit is not None else asked

@@ -13,8 +13,6 @@ from macrofit.base.keys import Keys, Positive, told
 
 MOST_BYTES = 200_000_000
 """Size of a file of heights; 190 x 1 mm at 2 um have 190 MB in single precision."""
-HEIGHT_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "nm": 1e-6}
-"""Units of heights [mm]."""
 
 HeightUnit: TypeAlias = Literal["m", "mm", "um", "µm", "nm"]
 Form: TypeAlias = Literal["none", "plane", "cylinder", "polynomial"]

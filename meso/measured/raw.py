@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from macrofit.base.arrays import FloatArray
+from macrofit.base.units import LENGTHS, known_unit
 
 from ..errors import SurfaceError
 
@@ -30,18 +31,17 @@ def length_unit(written: str) -> float | None:
     Raises:
         ScanError: it is no unit of length.
     """
-    written = written.strip("\x00 []()").replace("\xb5", "µ").replace("μ", "µ")
+    written = written.strip("\x00 []()")
     if not written:
         return None
-    try:
-        return UNITS[written if written in UNITS else written.lower()]
-    except KeyError:
-        raise ScanError(f"unit '{written}' is not one of length; known are {', '.join(UNITS)}") from None
+    found = LENGTHS.get(known_unit(written) or "", FINER.get(written.lower().removesuffix("s")))
+    if found is None:
+        raise ScanError(f"unit '{written}' is not one of length; known are {', '.join((*LENGTHS, *FINER))}")
+    return found
 
 
-UNITS = {
-    "m": 1e3, "cm": 10.0, "mm": 1.0, "µm": 1e-3, "um": 1e-3, "nm": 1e-6, "pm": 1e-9, "Å": 1e-7,
-    "in": 25.4, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "micrometers": 1e-3, "~m": 1e-3,
-    "millimeter": 1.0, "nanometer": 1e-6, "meter": 1e3,
+FINER = {
+    "nm": 1e-6, "pm": 1e-9, "å": 1e-7, "~m": 1e-3, "micrometer": 1e-3, "micrometre": 1e-3, "nanometer": 1e-6,
+    "nanometre": 1e-6,
 }  # fmt: skip
-"""Units of length [mm]; "~m" is what an old code page makes of µm."""
+"""Units of length [mm] besides `LENGTHS`, in small letters; "~m" is what an old code page makes of µm."""

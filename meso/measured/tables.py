@@ -56,11 +56,13 @@ def read_archive(path: Path) -> RawScan:
         if given.size not in (1, 2) or not (np.isfinite(given) & (given > 0.0)).all():
             raise ScanError("its array 'spacing' is not one or two lengths in mm")
         apart = float(given[0]), float(given[-1])
-    return RawScan(_real(arrays[name]), None if unit is None else length_unit(str(unit)), apart)
+    return RawScan(_real(arrays[name]), None if unit is None else length_unit(str(unit.astype(str))), apart)
 
 
 def read_text(path: Path) -> RawScan:
     """A grid of heights in a text, one row for each place along the slide; a head may say unit and spacing.
+
+    Three columns of which the first two are all the places of a grid are a list, as for `read_points`.
 
     Known in the head are ``[µm]`` after a name, ``spacing = 5 µm`` or ``spacing = 5, 4 µm``, and what
     `macrofit-meso surface` writes there.
@@ -89,6 +91,8 @@ def read_text(path: Path) -> RawScan:
     if not rows:
         raise ScanError("it is no table of heights: it has no row of numbers")
     heights = np.array(rows, dtype=np.float64)
+    if _is_list(heights):
+        return read_points(path)
     return RawScan(heights, unit, _spacing(head, heights.shape))
 
 
@@ -118,6 +122,14 @@ def read_points(path: Path) -> RawScan:
     x, y, z = np.array(points, dtype=np.float64).T
     x, y = (each * (unit or 1.0) for each, unit in zip((x, y), units[:2], strict=True))
     return _gridded(x, y, z, units[2])
+
+
+def _is_list(numbers: FloatArray) -> bool:
+    """Whether rows of three numbers are points x, y, z: every x goes with every y, once."""
+    if numbers.shape[1] != 3 or len(numbers) < 9:
+        return False
+    x, y = (len(np.unique(column)) for column in numbers[:, :2].T)
+    return min(x, y) > 2 and x * y == len(numbers) == len(np.unique(numbers[:, :2], axis=0))
 
 
 def _gridded(x: FloatArray, y: FloatArray, z: FloatArray, unit: float | None) -> RawScan:

@@ -47,14 +47,19 @@ def scan_of(keys: ScanKeys, which: int) -> Scan:
         SurfaceError: it cannot be used, or has another content than the digest among the keys.
     """
     if keys.sha256:
-        return _scan(keys, which)
+        return _scans(keys)[which]
     try:
-        return _scan(keys.found(), which)
+        return _scans(keys.found())[which]
     except OutputError as error:
         raise SurfaceError(str(error)) from None
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=2)
+def _scans(keys: ScanKeys) -> tuple[Scan, ...]:
+    """All files of a body: a face takes all of its patches. Those of two bodies are kept."""
+    return tuple(_scan(keys, which) for which in range(len(keys.files)))
+
+
 def _scan(keys: ScanKeys, which: int) -> Scan:
     """One of the files of a body, whose digest is among the keys."""
     path = Path(keys.files[which])

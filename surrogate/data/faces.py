@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
 from meso.surfaces.measured import covering, scan_of
-from meso.surfaces.measured import measured_face as take_face
 from meso.surfaces.surface import Body, Surface
 
 from ..errors import PredictionError
+
+Form: TypeAlias = Literal["strip", "tiles", "levelled"]
 
 POINTS = 33
 """Points of a face along 1 mm."""
@@ -62,7 +64,7 @@ def read_face(path: Path, body: Body, points: int = POINTS) -> HeightArray:
 
 
 def measured_face(
-    keys: ScanKeys, body: Body, seed: int, points: int = POINTS
+    keys: ScanKeys, body: Body, seed: int, points: int = POINTS, form: Form = "strip"
 ) -> tuple[HeightArray, tuple[str, ...], tuple[str, ...]]:
     """Make the face of a body out of its files.
 
@@ -71,6 +73,7 @@ def measured_face(
         body: body whose face it is.
         seed: seed of the tile, where the file is a strip or patches.
         points: points of the face along 1 mm.
+        form: "levelled" takes the mean plane away.
 
     Returns:
         Heights as `generated_face`, what was done to the file, and what may be wrong with it, in words.
@@ -81,7 +84,7 @@ def measured_face(
     size = (1.0, 1.0) if body == "wheel" else (2.0, 1.0)
     try:
         keys = covering(keys, size) if keys.use == "face" else keys
-        face = take_face(keys, body, seed, size)
+        face = rough_face(FaceKeys(form=form, axle=keys, bore=keys), body, seed, size)
         scans = [scan_of(keys, which) for which in range(len(keys.files))]
     except MesoError as error:
         raise PredictionError(str(error)) from None

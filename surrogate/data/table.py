@@ -71,7 +71,12 @@ def write_table(database: Database, path: Path) -> None:
     about = msgspec.structs.replace(about, head_sha256=about.digest())
     whole = SIGNATURE.encode() + msgspec.json.encode(about) + b"\n" + body
     with replacing(path) as draft:
-        draft.write_bytes(gzip.compress(whole, mtime=0) if path.suffix == ".gz" else whole)
+        draft.write_bytes(gzip.compress(whole, mtime=0) if path.suffix.lower() == ".gz" else whole)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a name is that of a table, in small letters or large ones."""
+    return path.name.lower().endswith(TABLES)
 
 
 def read_table(path: Path) -> Database:
@@ -102,7 +107,7 @@ def open_samples(path: Path) -> Database:
     Raises:
         DatabaseError: as `read_database` and `read_table`.
     """
-    return read_table(path) if path.name.endswith(TABLES) else read_database(path)
+    return read_table(path) if is_table(path) else read_database(path)
 
 
 def _read_text(path: Path) -> bytes:
@@ -113,7 +118,7 @@ def _read_text(path: Path) -> bytes:
         DatabaseError: it is no whole compressed file.
     """
     stored = read_regular(path, MOST_BYTES)
-    if path.suffix != ".gz":
+    if path.suffix.lower() != ".gz":
         return stored
     unpacker = zlib.decompressobj(wbits=31)
     try:

@@ -32,7 +32,7 @@ def write_prediction(pair: PairPrediction, target: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    if target.suffix == ".png":
+    if target.suffix.lower() == ".png":
         from .plots import draw_prediction
 
         draw_prediction(pair, target)

@@ -47,11 +47,10 @@ def evaluate_network(
     judged = [load_checkpoint(path) for path in (network, *compared)]
     for model, _ in judged:
         model.to(device)
-    plates = found.header.plates
+    plates, pressure = found.header.plates, found.samples.pressure
     for _, origin in judged:
         require_unseen(found.samples, origin)
-        pressures = found.samples.pressure
-        require_same_plates(database, plates, origin, (float(pressures.min()), float(pressures.max())))
+        require_same_plates(database, plates, origin, (float(pressure.min()), float(pressure.max())))
     data = arrange_tests(found.whole_pairs, plates)
     (model, provenance), *more = judged
     predicted = predict_tests(model, provenance, data)

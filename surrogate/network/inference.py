@@ -81,12 +81,11 @@ class TrainedEnsemble:
     """
 
     def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        self.options, self.arrays, self.members = options, dict(arrays), options.members
-        count = len(options.stiffness) + options.constant
+        self.options, self.arrays = options, dict(arrays)
         self._first = np.ascontiguousarray(np.moveaxis(arrays["first"], 1, 0))[..., None]  # (F, M, W, 1)
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
-        self._terms = count
+        self._terms = len(options.stiffness) + options.constant
         self._kept: Single = np.empty(0, dtype=np.float32)
 
     def prepare(

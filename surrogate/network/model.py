@@ -15,15 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from .foundation import Foundation
-from .inference import (
-    BEYOND,
-    CONSTANT_FORCE,
-    CONSTANT_UNIT,
-    FLOOR_UNIT,
-    LAWS_PER_CHUNK,
-    LEAST_SPREAD,
-    PAIRS_PER_CHUNK,
-)
+from .inference import CONSTANT_UNIT, FLOOR_UNIT, LEAST_SPREAD, PAIRS_PER_CHUNK
 
 Body: TypeAlias = Literal["axle", "wheel"]
 """Name of a body."""
@@ -94,45 +86,32 @@ class FoundationEnsemble(nn.Module):
         self.highest: Tensor
 
     def prepare(
-        self,
-        wheels: Tensor,
-        axles: Tensor,
-        wheel: Tensor,
-        axle: Tensor,
-        roughness: tuple[Tensor, Tensor] | None = None,
-        load: Tensor | None = None,
-        constant_force: Tensor | None = None,
+        self, wheel: Tensor, axle: Tensor, load: Tensor | None = None, constant_force: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
         """Slopes of the foundations (pairs, K) and even features (pairs, F): all that is needed of the faces.
 
         Args:
-            wheels: heights of the wheels' faces [mm], (wheels, n + 1, n + 1).
-            axles: heights of the axles' faces [mm], (axles, 2 n + 1, n + 1).
-            wheel: which of the wheels is in each pair, (pairs,).
-            axle: which of the axles is in each pair, (pairs,).
-            roughness: `upper_roughness` of each of the wheels and of the axles, where it is known.
+            wheel: heights of the wheel's face of each pair [mm], (pairs, n + 1, n + 1).
+            axle: heights of the axle's face of each pair [mm], (pairs, 2 n + 1, n + 1).
             load: normal force of each pair before the slide, on steel of `YOUNGS_MODULUS` (pairs,) [N]; left out, that
                 of the network.
             constant_force: whether each pair slides at that force, not at its height (pairs,); left out, none does.
         """
         count = len(wheel)
-        load = wheels.new_full((count,), self.foundation.load) if load is None else load
-        constant_force = torch.zeros_like(wheel, dtype=torch.bool) if constant_force is None else constant_force
-        if roughness is None:
-            roughness = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
+        load = wheel.new_full((count,), self.foundation.load) if load is None else load
+        constant_force = torch.zeros_like(load, dtype=torch.bool) if constant_force is None else constant_force
+        rough, rougher = (torch.stack([*map(upper_roughness, faces)]) for faces in (wheel, axle))
+        both = (rough.square() + rougher.square()).sqrt()
         slopes, features = [], []
-        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK) if count else ():
+        for rows in row_chunks(torch.arange(count, device=wheel.device), PAIRS_PER_CHUNK):
             padded = torch.cat([rows, rows[:1].expand(PAIRS_PER_CHUNK - len(rows))])
-            w, x, n, free = (part.index_select(0, padded) for part in (wheel, axle, load, constant_force))
-            slide = self.foundation.slide(wheels.index_select(0, w), axles.index_select(0, x), n, free)
-            both = (roughness[0].index_select(0, w).square() + roughness[1].index_select(0, x).square()).sqrt()
-            parts = [both, slide.load, slide.depth, slide.least]
+            w, x, n, free, r = (part.index_select(0, padded) for part in (wheel, axle, load, constant_force, both))
+            slide = self.foundation.slide(w, x, n, free)
+            parts = [r, slide.load, slide.depth, slide.least]
             if self.wide:
                 parts.insert(1, torch.stack([(n / self.foundation.load).log(), free.to(n.dtype)], dim=1))
             slopes.append(slide.b[: len(rows)])
             features.append(torch.cat(parts, dim=1)[: len(rows)])
-        if not count:
-            return wheels.new_empty(0, len(self.foundation.stiffness)), wheels.new_empty(0, len(self.centre))
         return torch.cat(slopes), torch.cat(features)
 
     def member_laws(self, slopes: Tensor, features: Tensor) -> tuple[Tensor, ...]:
@@ -175,49 +154,18 @@ class FoundationEnsemble(nn.Module):
         constant_force: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of the meso coefficient, (pairs, k) each; see `prepare`."""
-        each = torch.arange(len(wheel), device=wheel.device)
-        prepared = self.prepare(wheel, axle, each, each, load=load, constant_force=constant_force)
-        return self.predict_prepared(*prepared, micro)
+        return self.predict_prepared(*self.prepare(wheel, axle, load, constant_force), micro)
 
     def predict_prepared(self, slopes: Tensor, features: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
         """Mean over the ensemble, and spread of the packings and of the members together, from what `prepare` gives.
 
         Exactly affine in the micro coefficient, in the precision of `micro`.
         """
-        return self.evaluate_laws(self.affine_laws(slopes, features), micro)
-
-    def affine_laws(self, slopes: Tensor, features: Tensor) -> Tensor:
-        """Affine laws of every member with a row for each pair: what `member_laws` gives, (pairs, 3 or 4, members)."""
-        parts = zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (slopes, features)), strict=True)
-        return torch.cat([torch.stack(self.member_laws(s, f)).permute(2, 0, 1) for s, f in parts])
-
-    def evaluate_laws(self, laws: Tensor, micro: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and spread at micro coefficients, from `affine_laws`; as `predict_prepared`."""
-        means, spreads = [], []
-        for rows, m in zip(*(row_chunks(part, LAWS_PER_CHUNK) for part in (laws, micro)), strict=True):
-            a, b, *apart = rows.permute(1, 2, 0).contiguous()  # (M, P) each
-            a_mean, b_mean = mean_in_order(a), mean_in_order(b)  # (P,)
-            offset = (a - a_mean)[..., None] * m + (b - b_mean)[..., None]  # (M, P, k)
-            means.append(a_mean[:, None] * m + b_mean[:, None])
-            variance = mean_in_order(spread_at(apart, m).square()) + mean_in_order(offset.square())
-            spreads.append(self.widening * variance.sqrt())
-        return torch.cat(means), torch.cat(spreads)
-
-    def keeps_contact(self, features: Tensor) -> Tensor:
-        """Whether the plates keep in contact all along the slide, (pairs,); at constant force they do."""
-        kept = features[:, -1] > self.lost
-        return kept | (features[:, CONSTANT_FORCE] > 0.5) if self.wide else kept
-
-    def flags(self, features: Tensor) -> Tensor:
-        """Whether plates keep in contact, and whether the pair is like those learned from, (pairs, 2)."""
-        return torch.stack([self.keeps_contact(features), self.has_seen(features)], dim=1)
-
-    def has_seen(self, features: Tensor) -> Tensor:
-        """Whether no feature lies outside those learned from by more than `BEYOND` of their range, (pairs,)."""
-        if not self.wide:
-            return torch.ones_like(features[:, 0], dtype=torch.bool)
-        slack = BEYOND * (self.highest - self.lowest)
-        return ((features >= self.lowest - slack) & (features <= self.highest + slack)).all(1)
+        a, b, *apart = self.member_laws(slopes, features)  # (M, P) each
+        a_mean, b_mean = mean_in_order(a), mean_in_order(b)  # (P,)
+        offset = (a - a_mean)[..., None] * micro + (b - b_mean)[..., None]  # (M, P, k)
+        variance = mean_in_order(spread_at(apart, micro).square()) + mean_in_order(offset.square())
+        return a_mean[:, None] * micro + b_mean[:, None], self.widening * variance.sqrt()
 
 
 def positive(values: Tensor) -> Tensor:

@@ -109,9 +109,8 @@ def cnn_descent(model: LallemanCNN, fit: Pairs, validation: Pairs) -> Descent:
 
 def foundation_inputs(model: FoundationEnsemble, data: Pairs) -> tuple[Tensor, Tensor]:
     """Slopes and features of all pairs, which training does not change."""
-    each = torch.arange(len(data), device=data.wheel.device)
     with torch.no_grad():
-        return model.prepare(data.wheel, data.axle, each, each, load=data.load, constant_force=data.constant_force)
+        return model.prepare(data.wheel, data.axle, data.load, data.constant_force)
 
 
 def ridge_weights(slopes: Tensor, b: Tensor, weight: Tensor) -> Tensor:

@@ -25,8 +25,9 @@ from meso.settings import FaceKeys
 from surrogate.data.database import Samples, read_database
 from surrogate.data.faces import generated_face
 from surrogate.evaluation.measured import select_samples
+from surrogate.network.checkpoint import EnsembleOptions
 from surrogate.network.dataset import pair_tensors, split_into_folds
-from surrogate.network.model import FoundationEnsemble
+from surrogate.network.inference import TrainedEnsemble
 from surrogate.network.score import score_network
 from surrogate.network.train import Trained, train_network
 
@@ -94,28 +95,34 @@ class Seat:
 
     def __init__(self, tiles: int, repeats: int) -> None:
         self.wheels, self.axles = (
-            torch.from_numpy(np.stack([generated_face(body, 100_000 + k, FaceKeys()) for k in range(tiles)]))
+            np.stack([generated_face(body, 100_000 + k, FaceKeys()) for k in range(tiles)])
             for body in ("wheel", "axle")
         )
         bore, seat = np.divmod(np.arange(tiles * tiles), tiles)
         meets = bore + seat < tiles  # the bore's tiles are counted from its leading edge, the seat's from its end
-        self.bore, self.seat = torch.from_numpy(bore[meets]), torch.from_numpy(seat[meets])
+        self.bore, self.seat = bore[meets], seat[meets]
         self.repeats = repeats
         self._prepared: dict[int, tuple[Cost, Any]] = {}
 
-    def predicting(self, model: FoundationEnsemble, points: int) -> Cost:
+    def predicting(self, model: TrainedEnsemble, points: int) -> Cost:
         """CPU time of all pairs; the foundations, which are the same for all networks of a grid, are timed once."""
         step = (self.wheels.shape[1] - 1) // (points - 1)
-        wheels, axles = (faces[:, ::step, ::step].contiguous() for faces in (self.wheels, self.axles))
-        micro = torch.full((len(self.bore), 1), 0.07, dtype=torch.float64)
-        with torch.inference_mode():
-            if points not in self._prepared:
-                self._prepared[points] = cpu(
-                    lambda: model.prepare(wheels, axles, self.bore, self.seat), repeats=self.repeats
-                )
-            faces, prepared = self._prepared[points]
-            laws, _ = cpu(lambda: model.predict_prepared(*prepared, micro), repeats=self.repeats)
+        wheels, axles = (np.ascontiguousarray(faces[:, ::step, ::step]) for faces in (self.wheels, self.axles))
+        micro = np.full(len(self.bore), 0.07)
+        if points not in self._prepared:
+            self._prepared[points] = cpu(
+                lambda: model.prepare(wheels, axles, self.bore, self.seat), repeats=self.repeats
+            )
+        faces, prepared = self._prepared[points]
+        laws, _ = cpu(lambda: model.evaluate_laws(model.affine_laws(*prepared), micro), repeats=self.repeats)
         return Cost(tuple(a + b for a, b in zip(faces.seconds, laws.seconds, strict=True)))
+
+
+def as_it_answers(trained: Trained) -> TrainedEnsemble:
+    """The network without torch, as a press-fit asks it."""
+    options = trained.provenance.options
+    assert isinstance(options, EnsembleOptions)
+    return TrainedEnsemble(options, {name: value.numpy() for name, value in trained.model.state_dict().items()})
 
 
 def main(words: Sequence[str]) -> int:
@@ -140,14 +147,13 @@ def main(words: Sequence[str]) -> int:
     for series, label, one in CHOICES[:: 5 if quick else 1]:
         errors, training, networks = judged(samples, dealt, **({"epochs": 3} if quick else {}) | one)
         model = networks[0].model
-        assert isinstance(model, FoundationEnsemble)
         rows.append(
             Row(
                 series,
                 label,
                 errors,
                 training,
-                seat.predicting(model, networks[0].provenance.points),
+                seat.predicting(as_it_answers(networks[0]), networks[0].provenance.points),
                 sum(p.numel() for p in model.parameters()),
                 int(np.median([trained.curves.best for trained in networks])),
             )

@@ -551,6 +551,10 @@ def test_a_preset_brings_its_own_surfaces(model: str) -> None:
         ({"plates": "as-printed"}, "friction.options.plates = 'as-printed': take slow or as-published, or keys"),
         ({"plates": {"sphere": 3}}, "friction.options.plates.sphere: unknown key (did you mean 'spheres'?)"),
         ({"plates": {"preset": []}}, "friction.options.plates = []: take slow or as-published, or keys"),
+        (
+            {"plates": {"packing_seed": 3}},
+            "friction.options.plates.packing_seed: leave it out, the network gives the mean over packings",
+        ),
         ({"plates": {"edge": 2.0}}, "friction.options.plates.edge: leave it out, it is the length of a tile"),
         (
             {"fallback": "dem", "dem": {"plates": "as-published"}},
@@ -626,6 +630,8 @@ def test_pairs_that_lose_contact_go_to_the_plates(model: str, monkeypatch: pytes
     stated = answered(dem, asked((5, 5), (2, 3)), "dem").uncertainty
     assert np.array_equal(spread, [stated[0], 0.01, 0.01, stated[1], 0.01], equal_nan=True)
     assert 0.01 not in stated
+    monkeypatch.setattr(provider, "tiles", Fake([0.1, 0.2, 0.3], seen=[True, False, True]))
+    assert answers(provider, *PAIRS) == [0.3, 0.1, expected[1], 0.3]  # nor is one unlike all that were learned from
 
 
 # A press fit

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import tomllib
+import zipfile
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
@@ -22,9 +25,11 @@ from meso.cli import main
 from meso.errors import SettingsError, SurfaceError
 from meso.measured.clean import lay
 from meso.measured.keys import ScanKeys
+from meso.measured.raw import length_unit
 from meso.measured.read import read_scan
-from meso.settings import Settings, decode, dump
+from meso.settings import Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
+from meso.surfaces import measured as laying
 from meso.surfaces.face import rough_face
 from meso.surfaces.measured import as_surface, covering, measured_face, scan_of
 from meso.surfaces.roughness import measure
@@ -60,7 +65,7 @@ def written(folder: Path, name: str, table: np.ndarray, step: tuple[float, float
 
 def predicted(predictor: Predictor, scan: ScanKeys) -> float:
     """Coefficient of the face as the axle's, on a generated wheel."""
-    return float(predict_pair(predictor, (0.07,), None, scan, 1, 2, 0.02, 3, 0.8).mean[0])
+    return float(predict_pair(predictor, (0.07,), SurfaceKeys(axle=scan)).mean[0])
 
 
 @pytest.mark.parametrize("missing", [False, True])
@@ -118,6 +123,70 @@ def test_spikes_are_mended_and_grooves_are_not(tmp_path: Path) -> None:
     scan = scan_of(keys(written(tmp_path, "a.x3p", spiky, (0.005, 0.005))), 0)
     assert any(line.startswith("spikes: ") for line in scan.done)
     assert measure(as_surface(scan)).Sq == pytest.approx(measure(as_surface(whole)).Sq, rel=0.01)
+
+
+@pytest.mark.parametrize("inverted", [1, 2, 3])
+def test_an_inverted_surface_of_digital_surf_is_turned_back(heights: np.ndarray, tmp_path: Path, inverted: int) -> None:
+    """Upside down, and then along x or y as well."""
+    data = bytearray(scans.sur(heights, STEP))
+    data[290] = inverted
+    (tmp_path / "a.sur").write_bytes(data)
+    turned = {1: heights, 2: heights[::-1], 3: heights[:, ::-1]}[inverted]
+    raw = read_scan(tmp_path / "a.sur")
+    assert np.allclose(raw.heights * raw.unit, -turned, atol=2e-7)
+
+
+def test_rows_of_alicona_are_padded(heights: np.ndarray, tmp_path: Path) -> None:
+    raw = read_scan(written(tmp_path, "a.al3d", heights[:209]))
+    assert np.allclose(raw.heights * raw.unit, heights[:209], atol=1e-7)
+
+
+def rewritten(data: bytes, change: Callable[[bytes], bytes]) -> bytes:
+    """An X3P archive with another index."""
+    target = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, change(old.read(name)) if name == "main.xml" else old.read(name))
+    return target.getvalue()
+
+
+def test_the_index_of_an_archive_has_an_offset_and_no_declarations(heights: np.ndarray, tmp_path: Path) -> None:
+    """Declarations can name other files, and make a small index fill the memory."""
+    data, path = scans.x3p(heights, STEP), tmp_path / "a.x3p"
+    path.write_bytes(rewritten(data, lambda text: text.replace(b"<Offset>0<", b"<Offset>1e-6<")))
+    assert np.allclose(read_scan(path).heights, 1e-3 * heights + 1e-6, atol=1e-12)
+    path.write_bytes(rewritten(data, lambda text: text.replace(b"?>", b'?><!DOCTYPE p [<!ENTITY a "b">]>', 1)))
+    with pytest.raises(SurfaceError, match="its index has declarations of its own"):
+        read_scan(path)
+
+
+def test_a_head_says_how_far_a_table_reaches_and_few_points_are_no_grid(tmp_path: Path) -> None:
+    head = "rows along x = 0 ... 2 mm, 5 columns along y = 0 ... 1 mm"
+    np.savetxt(tmp_path / "a.csv", np.arange(45.0).reshape(9, 5), delimiter=",", header=head)
+    assert read_scan(tmp_path / "a.csv").spacing == (0.25, 0.25)
+    np.savetxt(tmp_path / "a.xyz", np.arange(10.0)[:, None] * [1.0, 1.0, 1e-3])
+    with pytest.raises(SurfaceError, match="its 10 points fill a grid of 10 x 10 to less than a quarter"):
+        read_scan(tmp_path / "a.xyz")
+
+
+def test_small_spikes_are_found_beside_large_ones_and_on_a_tilted_face(tmp_path: Path) -> None:
+    """Sixty spikes of 4 mm in a corner bend the form, and hide one of 30 um in the first round."""
+    step = (0.005, 0.005)
+    table = scans.textured(np.random.default_rng(5), (300, 300), step)
+    table += 0.3 * step[0] * np.arange(300)[:, None]
+    whole = scan_of(keys(written(tmp_path, "a.sur", table, step)), 0)
+    table[2:42:5, 2:42:5] += 4.0
+    table[150, 150] += 0.03
+    found = scan_of(keys(written(tmp_path, "a.x3p", table, step)), 0)
+    assert "spikes: 65 points" in " ".join(found.done)
+    assert np.abs(found.heights - whole.heights).max() < 0.01
+
+
+def test_a_border_that_was_not_measured_is_cut_off(heights: np.ndarray, tmp_path: Path) -> None:
+    table = np.pad(heights, ((4, 2), (0, 3)), constant_values=np.nan)
+    scan = scan_of(keys(written(tmp_path, "a.x3p", table)), 0)
+    assert scan.done[0] == "6 rows and 3 columns cut off at the border, mostly missing"
+    assert np.allclose(scan.heights, scan_of(keys(written(tmp_path, "a.npy", heights)), 0).heights, atol=1e-6)
 
 
 REFUSED = {
@@ -187,6 +256,43 @@ def test_contradictions_and_other_files_are_refused(heights: np.ndarray, tmp_pat
         assert "\n" not in str(caught.value)
 
 
+def test_points_in_a_text_and_a_unit_in_bytes_are_known(heights: np.ndarray, tmp_path: Path) -> None:
+    """Instruments write x, y, z into .txt as well; other programs put a text into an .npz as bytes."""
+    x, y = np.meshgrid(*(step * np.arange(count) for step, count in zip(STEP, SHAPE, strict=True)), indexing="ij")
+    np.savetxt(tmp_path / "a.txt", np.stack([x.ravel(), y.ravel(), heights.ravel()], axis=1), header="x y z")
+    raw = read_scan(tmp_path / "a.txt")
+    assert raw.spacing == pytest.approx(STEP)
+    assert np.allclose(raw.heights, heights)
+    np.savetxt(tmp_path / "b.txt", heights[:, :3])
+    assert read_scan(tmp_path / "b.txt").heights.shape == (SHAPE[0], 3)
+    np.savez(tmp_path / "a.npz", heights=heights, spacing=STEP, unit=np.bytes_("um"))
+    assert read_scan(tmp_path / "a.npz").unit == 1e-3
+
+
+UNITS = {
+    "µm": 1e-3,
+    "μm": 1e-3,
+    "um": 1e-3,
+    "microns": 1e-3,
+    "~m": 1e-3,
+    "Å": 1e-7,
+    "MM": 1.0,
+    "[nm]": 1e-6,
+    "inch": 25.4,
+}
+
+
+@pytest.mark.parametrize("written", UNITS)
+def test_a_unit_of_length_is_known_however_it_is_written(written: str) -> None:
+    assert length_unit(f"{written}\x00\x00") == UNITS[written]
+
+
+@pytest.mark.parametrize("written", ["Mm", "mN", "N", "s", "V", "µ"])
+def test_a_unit_of_something_else_is_refused(written: str) -> None:
+    with pytest.raises(SurfaceError, match=f"unit '{written}' is not one of length"):
+        length_unit(written)
+
+
 # --- tiles of strips and patches
 
 
@@ -234,6 +340,73 @@ def test_patches_are_dealt_to_a_strip_by_the_seed(patches: ScanKeys) -> None:
     assert np.mean([np.mean(face[:16] ** 2) for face in faces]) == pytest.approx(there, rel=0.1)
     steps = np.concatenate([np.diff(face[:17], axis=0).ravel() for face in faces])
     assert np.abs(steps).max() < 3.0 * max(np.abs(np.diff(face, axis=0)).max() for face in means)
+
+
+def test_a_measured_face_is_levelled_where_it_is_asked_for(strip: ScanKeys, network: Predictor) -> None:
+    """By the plates and by the prediction for them."""
+    scan = msgspec.structs.replace(strip, remove="none")
+    left, level = (SurfaceKeys(form=form, axle=scan, axle_seed=tile_seed(1, 2)) for form in ("strip", "levelled"))
+    found, flat = (rough_face(each, "axle", each.axle_seed, SIZES["axle"]) for each in (left, level))
+    assert np.allclose(flat.heights, found.levelled().heights, atol=1e-15)
+    assert not np.allclose(flat.heights, found.heights, atol=1e-5)
+    points = network.provenance.points
+    predicted_faces = [predict_pair(network, (0.07,), each).axle for each in (left, level)]
+    for face, known in zip(predicted_faces, (found, flat), strict=True):
+        assert np.allclose(face, known.resampled((2 * points - 1, points)).heights, atol=1e-8)
+
+
+def test_a_scan_too_coarse_for_a_small_tile_is_refused(heights: np.ndarray, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.npy", heights[::16, ::8])
+    coarse = keys(path, spacing=(0.16, 0.1))
+    assert measured_face(coarse, "wheel", 0, (1.0, 1.0)).size == (1.0, 1.0)
+    with pytest.raises(SurfaceError, match=r"its points are 0\.16 mm apart, a tile needs 0\.125 mm or less"):
+        measured_face(coarse, "wheel", 0, (0.5, 0.5))
+
+
+def test_overlaps_have_the_variance_of_the_patches(patches: ScanKeys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pieces of white noise of variance 1: so is a strip of them; with a linear fade it has 8/9."""
+    rng = np.random.default_rng(4)
+
+    def noise(scan: object, laid: object, along: np.ndarray, y: np.ndarray, piece: float) -> np.ndarray:
+        return rng.standard_normal((len(along), len(y)))
+
+    monkeypatch.setattr(laying, "_read", noise)
+    faces = [measured_face(patches, "wheel", tile_seed(1, k), (1.0, 1.0)).heights for k in range(60)]
+    assert np.mean(np.square(faces)) == pytest.approx(1.0, abs=0.04)
+
+
+def test_a_piece_is_reflected_in_both_directions(patches: ScanKeys) -> None:
+    scan, y = scan_of(patches, 0), np.linspace(0.0, 1.0, 17)
+    straight, turned, mirrored = (
+        laying._read(scan, laying._Piece(0, (0.0, 0.0), flipped), y, y, 1.0)
+        for flipped in ((False, False), (True, False), (False, True))
+    )
+    assert np.allclose(turned, straight[::-1], atol=1e-12)
+    assert np.allclose(mirrored, straight[:, ::-1], atol=1e-12)
+    assert not np.allclose(straight, straight[:, ::-1], atol=1e-4)
+
+
+def test_each_patch_is_read_once_however_many_there_are(
+    patches: ScanKeys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tiles of both bodies in turn, as a run asks for them; every one takes all the patches of its body."""
+    read: list[Path] = []
+
+    def counted(path: Path) -> object:
+        read.append(path)
+        return read_scan(path)
+
+    monkeypatch.setattr("meso.surfaces.measured.read_scan", counted)
+    both = {}
+    for body in ("axle", "wheel"):
+        files = [tmp_path / f"{body}{k}.x3p" for k in range(6)]
+        for k, file in enumerate(files):
+            file.write_bytes(Path(patches.files[k % 3]).read_bytes())
+        both[body] = ScanKeys(files=tuple(map(str, files))).found()
+    for tile in range(3):
+        for body, keys in both.items():
+            measured_face(keys, body, tile_seed(1, tile), (1.0, 1.0))  # type: ignore[arg-type]
+    assert len(read) == len(set(read)) == 12
 
 
 def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
@@ -303,6 +476,21 @@ def test_the_network_takes_measured_faces(strip: ScanKeys, patches: ScanKeys) ->
         build("surrogate", options(strip, patches), msgspec.structs.replace(CONTEXT, seat_tiles=40))
     with pytest.raises(ProviderError, match=r"friction\.options\.surface\.axle: no\.sur: cannot be read"):
         load("surrogate", {"surface": {"axle": "no.sur"}})
+
+
+@pytest.mark.parametrize(("rough", "refused"), [(2.0, False), (5.0, True)])
+def test_a_strip_is_unlike_those_learned_from_where_most_of_it_is(rough: float, refused: bool, tmp_path: Path) -> None:
+    """A rough place on a seat does not refuse the run: the network tells of its pairs one by one."""
+    table = scans.textured(np.random.default_rng(8), (1000, 105), (0.01, 0.01))
+    table *= 12.0
+    table[: round(100 * rough)] *= 2.0  # more than the 22 um learned from, also as means over a grid
+    file = written(tmp_path, "a.sur", table, (0.01, 0.01))
+    asked = {"surface": {"axle": {"files": [str(file)], "remove": "none"}}}
+    if not refused:
+        build("surrogate", asked, CONTEXT)
+        return
+    with pytest.raises(ProviderError, match="the axle's face is rougher than any learned from"):
+        build("surrogate", asked, CONTEXT)
 
 
 def test_the_plates_take_measured_faces(strip: ScanKeys, patches: ScanKeys) -> None:

@@ -22,6 +22,7 @@ from surrogate.data.table import open_samples, read_table, write_table
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
 from surrogate.evaluation.errors import coverage, relative_errors, slope_r2
 from surrogate.evaluation.measured import arrange_tests, require_unseen
+from surrogate.evaluation.parts import parts_lines, parts_report
 from surrogate.evaluation.predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
 from surrogate.evaluation.run import evaluate_network, evaluation_report
 from surrogate.network.checkpoint import load_checkpoint, save_checkpoint
@@ -240,6 +241,26 @@ def test_a_strip_that_was_learned_is_known_by_any_place_on_it(networks: dict[str
             require_unseen(seen, about)
 
 
+def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
+    """Half of the pairs at 20 MPa, half at 200; errors of 3 and 1 % from 0.05 on, and of 50 % below."""
+    light = np.arange(PAIRS) < PAIRS // 2
+    samples = replace(SAMPLES, pressure=np.where(np.repeat(light, PACKINGS), 20.0, 200.0))
+    data = arrange_tests(samples)
+    share = np.where(light, 0.03, 0.01)[:, None] * np.array([50.0, 1.0, 1.0, 1.0])
+    share[:, 0] = 0.5
+    mean = data.spread_out(data.meso.mean(1) * (1.0 + share))
+    parts = parts_report(data, PredictedPairs("known", mean, np.where(light, 1.0, 0.0)[:, None, None] + 0.0 * mean))
+    found = {name: parts[name] for name in ("all", "p 20-30 MPa", "p 100-200 MPa", "tiles", "micro 0.03")}
+    assert [row["pairs"] for row in found.values()] == [60, 30, 30, 60, 60]
+    assert [row["error"] for row in found.values()] == pytest.approx([0.02, 0.03, 0.01, 0.02, 0.5])
+    assert [row["coverage_90"] for row in found.values()] == pytest.approx([0.5, 1.0, 0.0, 0.5, 0.5], abs=0.1)
+    assert found["all"]["standard_error"] == pytest.approx(0.01 / np.sqrt(59.0))
+    assert found["all"]["floor"] == pytest.approx(SCATTER * np.sqrt(2.0 / np.pi) / np.sqrt(PACKINGS), rel=0.15)
+    assert found["all"]["error_over_mean"] == pytest.approx(0.02, rel=0.05)
+    assert len(parts_lines(parts)) == len(parts) + 3
+    assert parts_report(DATA, TRUE) == {}  # all at one pressure
+
+
 def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
     write_table(Database(HEADER, SAMPLES, {}, "hash"), tmp_path / "t.csv")
     found = open_samples(tmp_path / "t.csv")
@@ -272,8 +293,9 @@ def test_a_compressed_table_is_the_same_table(networks: dict[str, Path], tmp_pat
         write_table(found, path)
     assert packed.stat().st_size < 0.5 * plain.stat().st_size
     assert np.array_equal(open_samples(packed).samples.meso_friction, found.samples.meso_friction)
-    again = tmp_path / "again.csv.gz"
+    again = tmp_path / "AGAIN.CSV.GZ"
     write_table(found, again)
+    assert np.array_equal(open_samples(again).samples.meso_friction, found.samples.meso_friction)
     assert again.read_bytes() == packed.read_bytes()  # no time in it
     whole = packed.read_bytes()
     for content, told in ((whole[: len(whole) // 2], "cut short"), (b"no gzip", "no compressed table")):

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
+from surrogate.network import inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
 from surrogate.network.foundation import Foundation, SlideResponse
 from surrogate.network.inference import TrainedEnsemble, ensemble_shapes
@@ -145,29 +146,58 @@ def test_answers_are_those_of_torch(more: dict[str, Any]) -> None:
     free = rng.random(len(WHEEL)) < 0.5 if options.wide else None
     slopes, features = trained.prepare(*faces(), WHEEL, AXLE, load=load, constant_force=free)
     mean, spread = trained.evaluate_laws(trained.affine_laws(slopes, features), COEFFICIENTS)
-    given = [None if each is None else torch.from_numpy(each) for each in (*faces(), WHEEL, AXLE, load, free)]
-    expected = model.prepare(*given[:4], load=given[4], constant_force=given[5])  # type: ignore[arg-type]
+    wheels, axles = faces()
+    given = [None if each is None else torch.from_numpy(each) for each in (wheels[WHEEL], axles[AXLE], load, free)]
+    expected = model.prepare(*given)  # type: ignore[arg-type]
     answers = model.predict_prepared(*expected, torch.from_numpy(COEFFICIENTS)[:, None])
     assert np.allclose(slopes, expected[0], rtol=1e-5, atol=1e-7)
     assert np.allclose(features, expected[1], rtol=2e-5, atol=1e-7)
     assert np.allclose(mean, answers[0][:, 0], rtol=1e-5, atol=1e-6)
     assert np.allclose(spread, answers[1][:, 0], rtol=1e-4, atol=1e-6)
-    assert np.array_equal(trained.flags(features), model.flags(expected[1]))
+
+
+def test_a_pair_that_hardly_touches_has_no_boundless_slope() -> None:
+    """Contact is lost after the first of 17 places: the mean load is 3 % of that at the start, and counts as 5 %."""
+    options = EnsembleOptions(stiffness=[1e5], load=LOAD, positions=17)
+    arrays = {name: np.zeros(shape, np.float32) for name, shape in ensemble_shapes(options).items()}
+    wheel, axle = np.zeros((1, 17, 17), np.float32), np.zeros((1, 33, 17), np.float32)
+    axle[0, 1:] = -0.05
+    wheel[0, 1:] = -0.05
+    one = np.zeros(1, np.int64)
+    slopes, _ = TrainedEnsemble(options, arrays).prepare(wheel, axle, one, one)
+    overlap = 17.0 * LOAD / 1e5  # on one row of 17
+    assert slopes[0, 0] == pytest.approx(-0.5 * LOAD * overlap / (0.05 * LOAD), rel=1e-4)
+    known = Foundation([1e5], LOAD, 17).slide(torch.from_numpy(wheel), torch.from_numpy(axle))
+    assert slopes[0, 0] == pytest.approx(float(known.b), rel=1e-5)
 
 
 def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    model = network("energy")[0]
-    assert isinstance(model, FoundationEnsemble)
-    wheels, axles = (torch.from_numpy(heights) for heights in faces())
-    pairs = torch.from_numpy(WHEEL), torch.from_numpy(AXLE)
+    model = Predictor(stored(tmp_path / "m.safetensors", *network("energy"))).model
+    assert isinstance(model, TrainedEnsemble)
+    (wheels, axles), pairs = faces(), (WHEEL, AXLE)
     slopes, features = model.prepare(wheels, axles, *pairs)
-    known = torch.stack([*map(upper_roughness, wheels)]), torch.stack([*map(upper_roughness, axles)])
-    monkeypatch.setattr("surrogate.network.model.upper_roughness", lambda face: pytest.fail("it was measured"))
+    known = tuple(np.array([*map(inference.upper_roughness, some)]) for some in (wheels, axles))
+    monkeypatch.setattr(inference, "upper_roughness", lambda face: pytest.fail("it was measured"))
     again, unchanged = model.prepare(wheels, axles, *pairs, roughness=known)
-    assert torch.equal(again, slopes)
-    assert torch.equal(unchanged, features)
+    assert np.array_equal(again, slopes)
+    assert np.array_equal(unchanged, features)
     _, rougher = model.prepare(wheels, axles, *pairs, roughness=(2.0 * known[0], 2.0 * known[1]))
-    assert torch.equal(rougher[:, :2], 2.0 * features[:, :2])
+    assert np.array_equal(rougher[:, :2], 2.0 * features[:, :2])
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_flags_tell_lost_contact_and_pairs_unlike_any(wide: bool) -> None:
+    """At constant force contact is never lost; a feature may lie outside by a tenth of the range learned from."""
+    options = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD, wide=wide)
+    arrays = {name: np.zeros(shape, np.float32) for name, shape in ensemble_shapes(options).items()}
+    arrays |= {"lost": np.float32(0.1)} | ({"highest": np.ones_like(arrays["highest"])} if wide else {})
+    features = np.full((5, len(arrays["centre"])), 0.5, np.float32)
+    features[:, inference.CONSTANT_FORCE] = [0.0, 0.0, 1.0, 0.0, 0.0]
+    features[:, -1] = [0.5, 0.05, 0.05, 0.5, 0.5]
+    features[3:, 0] = [1.09, -0.11]
+    kept, seen = TrainedEnsemble(options, arrays).flags(features).T
+    assert kept.tolist() == [True, False, wide, True, True]
+    assert seen.tolist() == [True, True, True, True, not wide]
 
 
 def test_none_asked_none_answered(predictor: Predictor) -> None:
@@ -288,9 +318,8 @@ def test_reversed_slide_changes_the_sign_of_b_alone() -> None:
     wheel, axle = torch.zeros(1, 5, 5), torch.zeros(1, 9, 5)
     axle[0, 5:] = d * torch.tensor([1.0, -1.0] * 10).reshape(4, 5)
     model = FoundationEnsemble([stiffness], LOAD)
-    pair = torch.zeros(1, dtype=torch.int64)
-    slopes, features = model.prepare(wheel, axle, pair, pair)
-    back, unchanged = model.prepare(wheel.flip(1), axle.flip(1), pair, pair)
+    slopes, features = model.prepare(wheel, axle)
+    back, unchanged = model.prepare(wheel.flip(1), axle.flip(1))
     assert abs(float(slopes)) > 1e-3
     torch.testing.assert_close(back, -slopes, rtol=1e-5, atol=0.0)
     torch.testing.assert_close(unchanged, features, rtol=1e-5, atol=0.0)

@@ -35,7 +35,7 @@ from surrogate.network.dataset import LOWEST_ENVELOPE, pair_tensors, split_by_fa
 from surrogate.network.descent import Curves
 from surrogate.network.foundation import Foundation
 from surrogate.network.model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
-from surrogate.network.objectives import contact_threshold
+from surrogate.network.objectives import SMOOTH, contact_threshold, ridge_weights
 from surrogate.network.score import predict_pairs
 from surrogate.network.train import Trained, train_network
 
@@ -67,6 +67,34 @@ def made(count: int, seed: int = 0) -> Samples:
 
 
 SAMPLES = made(200)
+
+
+def test_databases_of_many_pressures_make_a_wide_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One at constant force and one at constant height; smooth faces weigh no more than those of `SMOOTH` roughness."""
+    forms = np.where(np.arange(40) < 15, b"strip", b"tiles")
+    free = replace(made(40), pressure=np.geomspace(20.0, 500.0, 40), form=forms.astype("S8"))
+    smooth = replace(made(40, 1), wheel=0.01 * free.wheel, axle=0.01 * free.axle)
+    weights: list[torch.Tensor] = []
+
+    def spied(slopes: torch.Tensor, b: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+        weights.append(weight)
+        return ridge_weights(slopes, b, weight)
+
+    monkeypatch.setattr("surrogate.network.objectives.ridge_weights", spied)
+    how: dict[str, Any] = {"epochs": 1, "members": 1, "plates": Plates(control="force")}
+    about = train_network(free, beside=[(smooth, Plates())], **how).provenance
+    assert about.wide
+    assert about.pressures == {"displacement": (170.0, 170.0), "force": (pytest.approx(20.0), pytest.approx(500.0))}
+    assert set(about.seeds_of_form) == set(about.forms) == {"strip", "tiles", ""}
+    assert 0.5 / SMOOTH**2 < float(weights[0].max()) <= 1.0 / SMOOTH**2
+    assert not train_network(made(40), epochs=1, members=1).provenance.wide
+    for other, told in (
+        ((made(40), Plates(spheres=400)), "do not go together: plates.spheres"),
+        ((replace(smooth, micro_friction=smooth.micro_friction[:, :1]), Plates()), "as many micro coefficients"),
+        ((smooth, Plates(slide=0.5)), "networks take 1 mm"),
+    ):
+        with pytest.raises(TrainingError, match=told):
+            train_network(free, beside=[other], **how)
 
 
 @pytest.fixture(scope="module")

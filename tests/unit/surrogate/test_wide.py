@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,17 +13,19 @@ import torch
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, TilePairs, build
 from meso.friction_test import run
-from meso.settings import FaceKeys, load
+from meso.measured.keys import ScanKeys
+from meso.settings import FaceKeys, SurfaceKeys, load
 from meso.surfaces.face import rough_face
 from surrogate.data.design import Design
 from surrogate.data.faces import generated_face
 from surrogate.data.plates import Plates
 from surrogate.data.sample import design_on_preset, design_tasks, header_of, plate_settings
-from surrogate.errors import DesignError, SurrogateError
+from surrogate.errors import DesignError, PredictionError, SurrogateError
 from surrogate.levels import PressureLevels
 from surrogate.network.devices import chosen_device
 from surrogate.network.foundation import Foundation
 from surrogate.network.predict import Predictor
+from surrogate.pair import outside_heights, predict_pair
 from surrogate.provider import TileNetwork
 
 NO = np.zeros(1, dtype=np.int64)
@@ -159,12 +162,31 @@ def test_what_is_known_of_pressures_depends_on_what_is_held(shipped: Predictor) 
     steel = msgspec.structs.replace(about.plates, control="force")
     assert about.unlike(msgspec.structs.replace(steel, pressure=30.0)) == []
     assert about.unlike(msgspec.structs.replace(steel, pressure=100.0, youngs_modulus=70e3)) == []
+    low, high = about.pressures["force"]
+    for pressure, inside in ((0.97 * low, True), (0.93 * low, False), (1.03 * high, True), (1.07 * high, False)):
+        assert (about.unlike(msgspec.structs.replace(steel, pressure=pressure)) == []) is inside
     (said,) = about.unlike(msgspec.structs.replace(steel, pressure=300.0, youngs_modulus=70e3))
     assert "load.pressure = 300 (883 on steel)" in said
     (said,) = about.unlike(msgspec.structs.replace(steel, pressure=30.0, control="displacement"))
     assert "with load.control = 'displacement'" in said
     (said,) = about.unlike(msgspec.structs.replace(steel, spheres=500))
     assert "plates.spheres" in said
+
+
+def test_faces_of_files_are_compared_with_those_learned_from(tmp_path: Path, shipped: Predictor) -> None:
+    """Five times as rough as any is another unit; one high peak is told too, though the rms height is inside."""
+    rng, learned = np.random.default_rng(1), (0.005, 0.04)
+    face = rng.standard_normal((33, 33)).astype(np.float32)
+    for rms, told in ((0.004, 0), (0.012, 1)):
+        assert len(outside_heights(rms * face, "wheel", "w.npy", learned)) == told
+    for rms, unit in ((0.05, "is it in µm"), (4e-5, "is it in m, or flat")):
+        with pytest.raises(PredictionError, match=rf"w\.npy: its rms height is .*{unit}"):
+            outside_heights(rms * face, "wheel", "w.npy", learned)
+    wave = 0.08 * np.sin(2.0 * np.pi * np.arange(101) / 100.0)
+    np.save(tmp_path / "w.npy", np.broadcast_to(wave[:, None], (101, 101)))
+    scan = ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", spacing=0.01, remove="none")
+    outside = predict_pair(shipped, (0.07,), SurfaceKeys(bore=scan), control="force").outside
+    assert any("from nominal is higher than any learned from" in line for line in outside)
 
 
 # The provider
@@ -177,6 +199,7 @@ def test_levels_are_within_the_tolerance() -> None:
     inside = (pressure > 20.0) & (pressure < 520.0)
     assert np.abs(served / pressure - 1.0)[inside].max() < 0.106
     assert levels.of(np.array([0.0, 20.0, 1e9])).tolist() == [0, 0, levels.count - 1]
+    assert levels.pressure(np.array([levels.count - 1]))[0] / 520.0 == pytest.approx(1.0, abs=0.106)  # none is beyond
 
 
 def test_pairs_are_asked_anew_where_they_leave_a_level() -> None:
