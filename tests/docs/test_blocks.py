@@ -18,7 +18,7 @@ import pytest
 import scans
 from benchmarks import _book as benchmarks
 from click.testing import CliRunner
-from conftest import LAUNCHER_VARIABLES, launcher_environment
+from launcher import alone, launcher_environment
 from small import small_press
 
 import macrofit.cli
@@ -148,7 +148,7 @@ class Reader:
     def launch(self, words: list[str]) -> None:
         """A command under mpirun; where the page says how to set it up, with nothing but that."""
         ranks, program, rest = words[2], words[3], words[3:]
-        environment = {k: v for k, v in os.environ.items() if not k.startswith((*LAUNCHER_VARIABLES, "OMPI_", "PRTE_"))}
+        environment = {k: v for k, v in alone().items() if not k.startswith(("OMPI_", "PRTE_"))}
         if not self.exports:
             environment = launcher_environment()
         elif (os.cpu_count() or 1) < int(ranks):
