@@ -283,6 +283,17 @@ def test_of_later_runs_the_difference_from_the_first_is_drawn(scene_file, zoom):
     assert "less coefficient = 0.1" in figure.axes[1].get_title()
 
 
+@pytest.mark.parametrize(("direction", "arrows"), [("radial", 1), ("axial", 0)])
+def test_panels_show_the_push_along_the_axle_alone(scene_file, direction, arrows):
+    """Discs are pressed face on face: the arrow at the rear of a hub would point at nothing. No stress is no largest."""
+    (run,) = plan_study(scene_file, [], [f"contact.direction={direction}"]).runs
+    bodies = {body: dataclasses.replace(fake_field(), von_mises=np.zeros(9)) for body in ("axle", "wheel")}
+    (panel, *_) = stress_panels([(run, {40.0: bodies})]).axes
+    said = [text.get_text() for text in panel.texts]
+    assert said.count("push") == arrows
+    assert not [text for text in said if "MPa" in text]
+
+
 @pytest.mark.parametrize("spoil", [lambda data: data[:-9], lambda data: data[:300] + b"x" + data[301:], None])
 def test_fields_that_are_damaged_or_gone_are_computed_again(scene_file, spoil):
     """A damaged file was a traceback of zipfile, and for ever; one that was gone was left out in silence."""
