@@ -136,9 +136,6 @@ class Reader:
         """A command of macrofit, in this process: what is imported once is there for all."""
         if words[:2] == ["macrofit", "judge"] and words[2] in scene_names() and not Path(words[2]).exists():
             self.run(["macrofit", "run", words[2]])
-        for body in ("wheel", "axle"):  # measured faces
-            if f"{body}.npy" in words and words[1] == "predict":
-                self.run(["macrofit-meso", "surface", "--body", body, "-o", f"{body}.npy"])
         done = CliRunner().invoke(MAINS[words[0]], pages.toy(words)[1:])
         told = f"{self.page.name}: {' '.join(words)}\n{done.output}"
         if done.exception is not None and not isinstance(done.exception, SystemExit):
