@@ -285,7 +285,7 @@ def test_of_later_runs_the_difference_from_the_first_is_drawn(scene_file, zoom):
 
 @pytest.mark.parametrize(("direction", "arrows"), [("radial", 1), ("axial", 0)])
 def test_panels_show_the_push_along_the_axle_alone(scene_file, direction, arrows):
-    """Discs are pressed face on face: the arrow at the rear of a hub would point at nothing. No stress is no largest."""
+    """Discs are pressed face on face: an arrow at the rear of a hub would mislead. No stress is no largest one."""
     (run,) = plan_study(scene_file, [], [f"contact.direction={direction}"]).runs
     bodies = {body: dataclasses.replace(fake_field(), von_mises=np.zeros(9)) for body in ("axle", "wheel")}
     (panel, *_) = stress_panels([(run, {40.0: bodies})]).axes
