@@ -48,3 +48,17 @@ def test_a_terminal_shows_control_characters_again(meanwhile: bool, monkeypatch:
         echo.show()
         assert termios.tcgetattr(terminal) == as_before
     os.close(leader)
+
+
+def test_the_terminal_of_another_job_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    leader, terminal = os.openpty()
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp() + 1)
+    with os.fdopen(terminal, "w") as shown:
+        as_before = termios.tcgetattr(terminal)
+        monkeypatch.setattr(sys, "stdout", shown)
+        echo = ControlEcho()
+        echo.hide()
+        assert termios.tcgetattr(terminal) == as_before
+        echo.show()
+        assert termios.tcgetattr(terminal) == as_before
+    os.close(leader)

@@ -108,3 +108,19 @@ def test_matplotlib_keeps_its_tables_where_somebody_may_read_them() -> None:
     assert said(TABLES.format(first="")) == "False True"
     assert said(TABLES.format(first="sys.ps1 = '>>> '")) == "True True"
     assert said(TABLES.format(first="import matplotlib.lines")) == "True True"
+
+
+SETTINGS = """
+import os, sys
+os.chdir(sys.argv[1])
+from macrofit.base.figure import figure_class
+figure_class()
+import matplotlib
+print(matplotlib.rcParams["text.usetex"], matplotlib.rcParams["font.size"])
+"""
+
+
+def test_figures_do_not_depend_on_the_settings_of_other_figures(tmp_path: Path) -> None:
+    """A matplotlibrc that asks for a TeX that is not there was a traceback at the end of a run."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 22\n")
+    assert said(SETTINGS, str(tmp_path)) == "False 10.0"
