@@ -344,6 +344,23 @@ def test_the_curve_marks_its_peak_and_a_window_that_fits():
     assert not any("EN 13260" in text.get_text() for text in far.axes[0].texts)
 
 
+@pytest.mark.parametrize("top", [1400.0, 1800.0, 2700.0])
+def test_the_words_on_the_windows_do_not_cover_the_curve(top):
+    figure, axes = plots.curve_sheet()
+    x = np.linspace(0.0, 180.0, 181)
+    axes.plot(x, top * x / 180.0)
+    judged, _ = press_fit_verdict(fake_solution())
+    plots.draw_windows(axes, judged, [(x, top * x / 180.0)])
+    plots.label_curve(axes, "")
+    figure.draw_without_rendering()
+    line = axes.transData.transform(np.column_stack([x, top * x / 180.0]))
+    assert len(axes.texts) == 2
+    for text in axes.texts:
+        box = text.get_window_extent()
+        inside = (line[:, 0] > box.x0) & (line[:, 0] < box.x1) & (line[:, 1] > box.y0) & (line[:, 1] < box.y1)
+        assert not inside.any()
+
+
 def words_of(axes):
     return [text.get_text() for text in axes.texts]
 
