@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ZOOM = 24.0
 """Width of the zoom on the largest stress [mm], less where the contact is small."""
-WORDS = (0.47, 0.12)
+WORDS = (0.45, 0.11)
 """Width and height of what is said of the windows, over those of the axes."""
 
 
@@ -87,7 +87,7 @@ def draw_windows(axes: Any, judged: Verdict | None, curves: Sequence[tuple[Float
         axes.annotate(
             f"{name}, force at the end: {low:.0f} to {high:.0f} kN", (x, high), (0, -4 - 13 * k), ha=side, va="top",
             xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8.5, color="#5B4500",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8},
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}, zorder=1.9,  # under the curves
         )  # fmt: skip
 
 
