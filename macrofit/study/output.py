@@ -14,7 +14,7 @@ from typing import Any
 
 from ..acceptance import Verdict, judge_scene
 from ..base.files import remove_drafts, write_json, write_text, writing
-from ..base.progress import duration, say
+from ..base.progress import duration, printable, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_lines
 from ..results.folder import JOURNAL, prepare
@@ -209,7 +209,7 @@ def _totals(
     sample = varied(plan, records)
     different = list({record.digest: record for record in records}.values())
     return {
-        "scene": plan.source,
+        "scene": printable(plan.source),
         "title": plan.title,
         "keys": list(plan.keys),
         "runs": [
