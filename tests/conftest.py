@@ -9,18 +9,19 @@ from __future__ import annotations
 import faulthandler
 import gc
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import pytest
 from found import Figures, Found
+from launcher import Mpirun, launcher_environment
 
 LIMIT_S = 120.0
 SLOW_LIMIT_S = 300.0
-LAUNCHER_VARIABLES = ("OMPI_COMM_WORLD_", "OMPI_UNIVERSE_", "ORTE_", "PRTE_", "PMIX_", "PMI_")
 
 UNDER_MPIRUN = any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"))
 if UNDER_MPIRUN:
@@ -31,14 +32,6 @@ else:
     WORLD = None
 
 _stderr: IO[str] | None = None
-
-
-class Mpirun(Protocol):
-    """Run `python *arguments` on some ranks and wait, but not for ever."""
-
-    def __call__(
-        self, ranks: int, *arguments: str | Path, timeout: float = 60.0, cwd: Path | None = None
-    ) -> subprocess.CompletedProcess[str]: ...
 
 
 FIGURES = Figures()  # of all processes; kept in the one that starts the others
@@ -123,18 +116,12 @@ def shared_tmp_path(request: pytest.FixtureRequest) -> Path:
     return Path(WORLD.bcast(own, root=0))
 
 
-def launcher_environment() -> dict[str, str]:
-    """For an mpirun started here: as root, on fewer cores than ranks, one thread each; Open MPI 4 and 5."""
-    return {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER_VARIABLES)} | {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_hwloc_base_binding_policy": "none",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
-        "PRTE_MCA_hwloc_default_binding_policy": "none",
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-        "OMP_NUM_THREADS": "1",
-        "NUMBA_NUM_THREADS": "1",
-    }
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Processes started by the test heed Ctrl-C, also where a shell started the tests with SIGINT ignored (`cmd &`)."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from fcntl import ioctl
 
-from conftest import LAUNCHER_VARIABLES
+from launcher import alone
 
 CODE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])")
 
@@ -27,8 +27,7 @@ class Terminal:
         self._child, self._terminal = pty.fork()
         if self._child == 0:
             ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-            environment = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHER_VARIABLES)}
-            os.execve(sys.executable, [sys.executable, "-m", module, *words], environment | {"TERM": "xterm"})
+            os.execve(sys.executable, [sys.executable, "-m", module, *words], alone() | {"TERM": "xterm"})
 
     def press(self, keys: str) -> None:
         """Type something."""

@@ -34,22 +34,27 @@ def blank(width: float, height: float) -> Any:
 
 
 def figure_class() -> Any:
-    """matplotlib's Figure, imported on the first call."""
+    """matplotlib's Figure, imported on the first call, with its own settings.
+
+    A matplotlibrc of the user's may ask for a TeX that is missing, or for letters that find no room. Where somebody has
+    imported matplotlib already, or sits at a prompt or in a notebook, nothing is changed.
+    """
     ensure_cache()
+    if "matplotlib" in sys.modules or hasattr(sys, "ps1"):
+        from matplotlib.figure import Figure
+
+        return Figure
     with _without_tables():
         from matplotlib.figure import Figure
+    from matplotlib import rcParams, rcParamsDefault
+
+    dict.update(rcParams, {key: rcParamsDefault[key] for key in rcParamsDefault if key != "backend"})
     return Figure
 
 
 @contextmanager
 def _without_tables() -> Iterator[None]:
-    """Import matplotlib without the tables of properties it writes into its docstrings: two fifths of its import.
-
-    Where somebody may ask for help, at a prompt or in a notebook, or has imported it already, nothing is changed.
-    """
-    if "matplotlib" in sys.modules or hasattr(sys, "ps1"):
-        yield
-        return
+    """Import matplotlib without the tables of properties it writes into its docstrings: two fifths of its import."""
     from matplotlib import artist
 
     owners = ((artist, "kwdoc"), (artist.Artist, "_update_set_signature_and_docstring"))
@@ -104,12 +109,23 @@ def save(figure: Any, target: Path, *, trim: bool = False) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
+    _take_words_as_written(figure)
     with replacing(target) as draft:
         if target.suffix == ".png" and not trim:
             draft.write_bytes(_drawn(figure))
         else:
             figure.savefig(draft, bbox_inches="tight" if trim else None)
     return target
+
+
+def _take_words_as_written(figure: Any) -> None:
+    """A dollar in a user's title or label begins no formula."""
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+    words = [figure._suptitle] if figure._suptitle else []
+    for axes in figure.axes:
+        words += [*axes.texts, axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label]
+    for text in [*words, *figure.texts, *(text for legend in legends for text in legend.get_texts())]:
+        text.set_parse_math(False)
 
 
 def _drawn(figure: Any) -> bytes:

@@ -166,7 +166,7 @@ class ControlEcho:
         with suppress(OSError, ValueError, termios.error):
             terminal = sys.stdout.fileno()
             if termios.tcgetattr(terminal)[3] & termios.ECHOCTL:
-                self._switch(terminal)
+                self._switch(terminal, shown=False)
                 self._terminal = terminal
                 atexit.register(self.show)
 
@@ -174,14 +174,14 @@ class ControlEcho:
         """Show it again, as before."""
         if self._terminal >= 0:
             with suppress(OSError, termios.error):
-                self._switch(self._terminal)
+                self._switch(self._terminal, shown=True)
             self._terminal = -1
             atexit.unregister(self.show)
 
     @staticmethod
-    def _switch(terminal: int) -> None:
+    def _switch(terminal: int, *, shown: bool) -> None:
         if os.tcgetpgrp(terminal) != os.getpgrp():  # in the background it would stop the process
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
         attributes = termios.tcgetattr(terminal)
-        attributes[3] ^= termios.ECHOCTL
+        attributes[3] = attributes[3] & ~termios.ECHOCTL | (termios.ECHOCTL if shown else 0)
         termios.tcsetattr(terminal, termios.TCSANOW, attributes)

@@ -94,8 +94,11 @@ def split_override(text: str, example: str = "motion.travel=20") -> tuple[tuple[
     A part of a key that holds a dot or a space is quoted, as in TOML.
 
     Raises:
-        TomlError: there is no ``=``, the key is not one of TOML, or the value is a number with a decimal comma.
+        TomlError: there is no ``=``, the key is not one of TOML, the value is a number with a decimal comma, or the
+            text is no UTF-8.
     """
+    if not text.isascii() and any("\udc80" <= each <= "\udcff" for each in text):
+        raise TomlError(f"'{text}': not UTF-8; set the terminal to UTF-8, or write the value in a file")
     written = _split_at_equals(text)
     path = None if written is None else _key_path(written[0])
     if written is None or path is None:

@@ -34,11 +34,13 @@ from .mesh import MeshData
 
 @contextmanager
 def _bare_imports() -> Iterator[None]:
-    """Spare dolfinx 0.2 s of imports.
+    """Spare dolfinx 0.2 s of imports, and the words of the command, which it would read as its own.
 
     pkg_resources reads all that is installed to tell ufl and ffcx of 0.5 their version; 0.9 imports numba for
-    kernels in Python, and does without it where it is not installed.
+    kernels in Python, and does without it where it is not installed. Words that are no UTF-8, such as an old name of a
+    file, are a TypeError to it.
     """
+    words, sys.argv = sys.argv, ["macrofit"]
     versions = ModuleType("pkg_resources")
     versions.get_distribution = importlib.metadata.distribution  # type: ignore[attr-defined]
     stand_ins = {"pkg_resources": versions, "llvmlite": None, "numba": None}
@@ -49,6 +51,7 @@ def _bare_imports() -> Iterator[None]:
             warnings.simplefilter("ignore", ImportWarning)
             yield
     finally:
+        sys.argv = words
         for name in stand_ins:
             del sys.modules[name]
 

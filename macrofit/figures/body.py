@@ -23,6 +23,8 @@ FLATTEST = 0.28
 """Least height of a view over its width: words need room beside a slender shaft."""
 SHORTEST = 0.13
 """Length of the arrow of the push, over the width of the view."""
+ASPECT = 0.75
+"""Height of a window about a place over its width."""
 
 LETTER = 5.2
 """Width of a letter of what is marked [pt]."""
@@ -57,6 +59,13 @@ def whole_window(bodies: list[BodyField]) -> Window:
     return low, high
 
 
+def window_around(centre: FloatArray, width: float) -> Window:
+    """A window of this width [mm] about a place; nothing lies beyond the axis."""
+    half = 0.5 * width * np.array([ASPECT, 1.0])
+    low = np.maximum(centre - half, [0.0, -np.inf])
+    return low, low + 2.0 * half
+
+
 def largest_node(bodies: Mapping[str, BodyField], window: Window) -> tuple[str, FloatArray, float]:
     """The largest von Mises stress at a node in a window: its body, its place and its value [MPa]."""
     found = {}
@@ -68,15 +77,30 @@ def largest_node(bodies: Mapping[str, BodyField], window: Window) -> tuple[str, 
     return body, deformed(bodies[body])[node], value
 
 
-def draw_field(
-    axes: Any, field: BodyField, window: Window, values: FloatArray, *, scale: Any, colours: str = "viridis"
+def draw_bodies(
+    axes: Any,
+    bodies: Mapping[str, BodyField],
+    window: Window,
+    values: Mapping[str, FloatArray],
+    *,
+    scale: Any,
+    colours: str = "viridis",
 ) -> Any:
+    """All bodies in a window, with a value at each node; gives what a bar is of, None without a body."""
+    drawn = None
+    for body, field in bodies.items():
+        drawn = _draw_field(axes, field, window, values[body], scale=scale, colours=colours)
+    _frame_view(axes, window)
+    return drawn
+
+
+def _draw_field(axes: Any, field: BodyField, window: Window, values: FloatArray, *, scale: Any, colours: str) -> Any:
     """Colours of the triangles that reach into the window, and the outline of the body; gives what a bar is of."""
     from matplotlib.collections import TriMesh
 
     drawn = TriMesh(_triangles(field, seen_cells(field, window)), cmap=colours, norm=scale, rasterized=True)
     drawn.set_array(values)
-    axes.add_collection(drawn, autolim=False)  # `frame_view` sets the limits; to find them takes a path per triangle
+    axes.add_collection(drawn, autolim=False)  # `_frame_view` sets the limits; to find them takes a path per triangle
     edges = deformed(field)[_outline(field.cells)]
     apart = np.concatenate([edges, np.full_like(edges[:, :1], np.nan)], axis=1)  # one line with gaps
     r, z = apart.reshape(-1, 2).T
@@ -185,7 +209,15 @@ def mark_largest(axes: Any, window: Window, body: str, place: FloatArray, words:
     return [place, *(place + point[::-1] * np.array([offset[1], offset[0] + x]) for x in along)]
 
 
-def frame_view(axes: Any, window: Window) -> None:
+def mark_largest_node(
+    axes: Any, bodies: Mapping[str, BodyField], window: Window, words: str = "{value:.0f} MPa"
+) -> list[FloatArray]:
+    """`mark_largest` on the largest stress at a node in a window, with its body and value in the words."""
+    body, place, value = largest_node(bodies, window)
+    return mark_largest(axes, window, body, place, words.format(body=body, value=value)) if value > 0.0 else []
+
+
+def _frame_view(axes: Any, window: Window) -> None:
     """Limits and scale of a view; true to scale by its size on the sheet, so that nothing has to be fitted."""
     (low_r, low_z), (high_r, high_z) = window
     axes.set(xlim=(low_z, high_z), ylim=(low_r, high_r))

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 ZOOM = 24.0
 """Width of the zoom on the largest stress [mm], less where the contact is small."""
+WORDS = (0.45, 0.11)
+"""Width and height of what is said of the windows, over those of the axes."""
 
 
 def write_figures(folder: Path, solution: Solution) -> list[Path]:
@@ -74,16 +76,18 @@ def draw_windows(axes: Any, judged: Verdict | None, curves: Sequence[tuple[Float
     top = max((float(force.max(initial=0.0)) for _, force in curves), default=0.0)
     known = () if judged is None else (("EN 13260", judged.en_13260), ("GOST 11018", judged.gost_11018))
     near = [(name, each) for name, each in known if each is not None and 0.3 * top < each.high / 1e3 < 3.0 * top]
+    ends = [window.high / 1e3 for _, window in near]
+    under = min(ends, default=0.0) - WORDS[1] * max([top, *ends])
+    clear = bool(curves) and all((force[x <= WORDS[0] * x.max()] < under).all() for x, force in curves)
     for k, ((name, window), colour) in enumerate(zip(near, (ORANGE, PURPLE), strict=False)):
         low, high = window.low / 1e3, window.high / 1e3
         axes.axhspan(low, high, color=colour, alpha=0.10, lw=0)
         axes.axhspan(low, high, 0.965 - 0.03 * k, 0.99 - 0.03 * k, color=colour, alpha=0.6, lw=0)
-        clear = bool(curves) and all(np.interp(0.4 * x.max(), x, force) < near[0][1].low / 1e3 for x, force in curves)
         x, side = (0.015, "left") if clear else (0.92, "right")
         axes.annotate(
             f"{name}, force at the end: {low:.0f} to {high:.0f} kN", (x, high), (0, -4 - 13 * k), ha=side, va="top",
             xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8.5, color="#5B4500",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8},
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}, zorder=1.9,  # under the curves
         )  # fmt: skip
 
 

@@ -21,15 +21,16 @@ from .body import (
     colour_bar,
     deformed,
     draw_axis,
-    draw_field,
+    draw_bodies,
     draw_push,
     draw_yield,
-    frame_view,
     inside,
     largest_node,
     mark_largest,
+    mark_largest_node,
     name_bodies,
     whole_window,
+    window_around,
 )
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
 LEFT, BETWEEN, RIGHT, BELOW = 0.72, 0.62, 1.0, 0.55
 """Around and between the views; to the right the bar of colours [inch]."""
-ASPECT = 0.75
-"""Height of a view of an end over its width."""
 
 
 class _View(NamedTuple):
@@ -77,10 +76,10 @@ def _draw_view(axes: Any, solution: Solution, bodies: Mapping[str, BodyField], v
     from matplotlib.colors import Normalize
 
     bounds = yield_stresses(solution.scene)
+    values = {body: field.von_mises for body, field in bodies.items()}
+    drawn = draw_bodies(axes, bodies, view.window, values, scale=Normalize(0.0, top or 1.0))
     for body, field in bodies.items():
-        drawn = draw_field(axes, field, view.window, field.von_mises, scale=Normalize(0.0, top or 1.0))
         draw_yield(axes, field, view.window, bounds.get(body))
-    frame_view(axes, view.window)
     if solution.scene.direction == "radial" and "wheel" in bodies and not view.title:
         draw_push(axes, bodies["wheel"], view.window)
     draw_axis(axes, view.window)
@@ -96,22 +95,17 @@ def _extent(view: _View) -> FloatArray:
 
 def _ends(solution: Solution, displacement: float, marks: Mapping[str, _Mark], zoom: float) -> list[_View]:
     """Views of both ends of what carries pressure; one where they are closer than half a window, or have no radius."""
-    half = 0.5 * zoom * np.array([ASPECT, 1.0])
     record = solution.increments[max(0, _order(solution, displacement))]
     held = np.flatnonzero(record.facets.pressure > 0.0)
     if solution.scene.direction != "radial" or not len(held):
-        return [_around(_centre(solution.fields[displacement], marks), half, "where the stress is largest")]
+        centre = _centre(solution.fields[displacement], marks)
+        return [_View(window_around(centre, zoom), "where the stress is largest")]
     axle = solution.fields[displacement]["axle"]
     ends = [_on_surface(axle, float(solution.seat[k])) for k in (held[0], held[-1] + 1)]
-    if abs(ends[1][1] - ends[0][1]) < half[1]:
-        return [_around(0.5 * (ends[0] + ends[1]), half, "the contact")]
+    if abs(ends[1][1] - ends[0][1]) < 0.5 * zoom:
+        return [_View(window_around(0.5 * (ends[0] + ends[1]), zoom), "the contact")]
     names = ("end of the contact at the seat's entrance", "end of the contact at the wheel's leading edge")
-    return [_around(end, half, name) for end, name in zip(ends, names, strict=True)]
-
-
-def _around(centre: FloatArray, half: FloatArray, title: str) -> _View:
-    low = np.maximum(centre - half, [0.0, -np.inf])  # nothing lies beyond the axis
-    return _View((low, low + 2.0 * half), title)
+    return [_View(window_around(end, zoom), name) for end, name in zip(ends, names, strict=True)]
 
 
 def _on_surface(axle: BodyField, z: float) -> FloatArray:
@@ -163,10 +157,7 @@ def _mark(axes: Any, bodies: Mapping[str, BodyField], marks: Mapping[str, _Mark]
     """The largest stresses of the run that are in the window, or the largest at a node in it; as `mark_largest`."""
     seen = {body: mark for body, mark in marks.items() if inside(mark.place, window)}
     if not seen:
-        body, place, value = largest_node(bodies, window)
-        if value == 0.0:
-            return []
-        return mark_largest(axes, window, body, place, f"{body}, largest here: {value:.0f} MPa")
+        return mark_largest_node(axes, bodies, window, "{body}, largest here: {value:.0f} MPa")
     return [
         place
         for body, mark in seen.items()

@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from ..base.progress import printable
 from ..friction import GivenFriction, ScriptFriction, load
 from ..scene import Scene
 from .journal import file_digests, scene_digest
@@ -37,7 +38,7 @@ def session() -> dict[str, str]:
     """Date and command."""
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": shlex.join([_program(sys.argv[0]), *sys.argv[1:]]),
+        "command": printable(shlex.join([_program(sys.argv[0]), *sys.argv[1:]])),
     }
 
 

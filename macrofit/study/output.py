@@ -14,7 +14,7 @@ from typing import Any
 
 from ..acceptance import Verdict, judge_scene
 from ..base.files import remove_drafts, write_json, write_text, writing
-from ..base.progress import duration, say
+from ..base.progress import duration, printable, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_lines
 from ..results.folder import JOURNAL, prepare
@@ -155,7 +155,7 @@ def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str,
     return {} if not judged else {
         "standard": judged[0].standard,
         "runs": dict(Counter(verdict.word for verdict in judged)),
-        "windows": _windows(judged),
+        "windows": _windows(verdicts),
         "refused_for": {
             str(run.number): [check.name for check in verdict.failed]
             for run, verdict in zip(plan.runs, verdicts, strict=True)
@@ -164,16 +164,13 @@ def _verdict_totals(plan: Plan, verdicts: Sequence[Verdict | None]) -> dict[str,
     }  # fmt: skip
 
 
-def _windows(judged: Sequence[Verdict]) -> dict[str, Any]:
+def _windows(verdicts: Sequence[Verdict | None]) -> dict[str, Any]:
     """The windows of the final force that all runs have, by their standards."""
-    known = {(verdict.en_13260, verdict.gost_11018) for verdict in judged if verdict.en_13260 is not None}
-    if len({verdict.seat_diameter_mm for verdict in judged}) != 1 or not known:
-        return {}
-    return {
-        name: {"low_N": window.low, "high_N": window.high}
-        for name, window in zip(("EN 13260", "GOST 11018"), known.pop(), strict=True)
-        if window is not None
-    }
+    from ..figures.curves import common_window
+
+    shared = common_window(verdicts)
+    known = {} if shared is None else {"EN 13260": shared.en_13260, "GOST 11018": shared.gost_11018}
+    return {name: {"low_N": each.low, "high_N": each.high} for name, each in known.items() if each is not None}
 
 
 def _accepted(verdicts: Sequence[Verdict | None]) -> list[str]:
@@ -212,7 +209,7 @@ def _totals(
     sample = varied(plan, records)
     different = list({record.digest: record for record in records}.values())
     return {
-        "scene": plan.source,
+        "scene": printable(plan.source),
         "title": plan.title,
         "keys": list(plan.keys),
         "runs": [

@@ -19,15 +19,14 @@ from ..figures.body import (
     colour_bar,
     deformed,
     draw_axis,
-    draw_field,
+    draw_bodies,
     draw_push,
     draw_yield,
-    frame_view,
     inside,
-    largest_node,
-    mark_largest,
+    mark_largest_node,
     name_bodies,
     whole_window,
+    window_around,
 )
 from ..scene.keys import Shaft
 from ..solution import BodyField
@@ -40,7 +39,6 @@ LEFT, BETWEEN, BELOW, ABOVE, BARS = 0.72, 0.14, 0.55, 0.62, 1.85
 """Around and between the panels [inch]; the bars of both scales are to the right."""
 ACROSS, HIGHEST, NARROWEST = 9.5, 3.2, 1.5
 """Width of all panels together, height and width of one [inch]."""
-ASPECT = 0.75
 
 
 class _Panel(NamedTuple):
@@ -75,7 +73,10 @@ def stress_panels(shown: Shown, zoom: float | None = None) -> Any:
         bottom = BELOW + (len(rows) - 1 - k) * pitch
         for column, ((run, _), panel) in enumerate(zip(shown, row.panels, strict=True)):
             axes = placed(figure, LEFT + column * (width + BETWEEN), bottom, width, height)
-            drawn[panel.difference] = _draw(axes, row.window, panel, scales[panel.difference])
+            drawn[panel.difference] = draw_bodies(
+                axes, panel.bodies, row.window, panel.values, scale=scales[panel.difference],
+                colours="RdBu_r" if panel.difference else "viridis",
+            )  # fmt: skip
             if not panel.difference:
                 _annotate(axes, row.window, panel.bodies, run, whole=zoom is None)
             elif zoom is None:
@@ -120,13 +121,9 @@ def _windows(shown: Shown, columns: Sequence[Bodies], zoom: float | None) -> lis
     axle = shown[0][0].scene.axle
     if zoom is None or not isinstance(axle, Shaft):
         return [(whole_window(everything), "")]
-    half = 0.5 * zoom * np.array([ASPECT, 1.0])
     places = [(0.0, ", at the seat's entrance"), (_leading_end(columns, zoom), ", at the wheel's leading edge")]
-    ends = []
-    for z, name in places if places[1][0] > half[1] else places[:1]:
-        low = np.maximum(np.array([axle.seat_radius, z]) - half, [0.0, -np.inf])
-        ends.append(((low, low + 2.0 * half), name))
-    return ends
+    seen = places if places[1][0] > 0.5 * zoom else places[:1]
+    return [(window_around(np.array([axle.seat_radius, z]), zoom), name) for z, name in seen]
 
 
 def _leading_end(columns: Sequence[Bodies], zoom: float) -> float:
@@ -155,15 +152,6 @@ def _scale(rows: Sequence[_Row], *, difference: bool) -> Any:
     return Normalize(-(top or 1.0) if difference else 0.0, top or 1.0)
 
 
-def _draw(axes: Any, window: Window, panel: _Panel, scale: Any) -> Any:
-    drawn = None
-    for body, field in panel.bodies.items():
-        colours = "RdBu_r" if panel.difference else "viridis"
-        drawn = draw_field(axes, field, window, panel.values[body], scale=scale, colours=colours)
-    frame_view(axes, window)
-    return drawn
-
-
 def _annotate(axes: Any, window: Window, bodies: Bodies, run: PlannedRun, *, whole: bool) -> None:
     """Names, axis, push, the largest stress, and where an elastic body is beyond its yield stress."""
     bounds = yield_stresses(run.scene)
@@ -172,11 +160,10 @@ def _annotate(axes: Any, window: Window, bodies: Bodies, run: PlannedRun, *, who
             draw_yield(axes, field, window, bounds.get(body))
     if whole:
         draw_axis(axes, window)
-        if "wheel" in bodies:
+        if run.scene.direction == "radial" and "wheel" in bodies:
             draw_push(axes, bodies["wheel"], window)
     if bodies:
-        body, place, value = largest_node(bodies, window)
-        name_bodies(axes, bodies, window, mark_largest(axes, window, body, place, f"{value:.0f} MPa"))
+        name_bodies(axes, bodies, window, mark_largest_node(axes, bodies, window))
 
 
 def _title(shown: Shown, run: PlannedRun, row: _Row, panel: _Panel, column: int, *, first: bool) -> str:

@@ -31,9 +31,8 @@ LEVELS = 9
 
 def write_figures(folder: Path, plates: Plates, envelopes: dict[str, Surface], slides: Sequence[Slide]) -> list[Path]:
     """Every figure of a run. Raises OutputError when one cannot be written."""
-    radius = float(plates.lattice.radii.mean())
     drawn = {
-        "surfaces.png": surfaces(plates.wheel_packing.surface, plates.axle_packing.surface, envelopes, radius),
+        "surfaces.png": surfaces(plates, envelopes),
         "plates.png": plates_seen(plates),
         "forces.png": forces(slides),
     }
@@ -53,21 +52,26 @@ def surface(face: Surface, title: str) -> Any:
     return figure
 
 
-def surfaces(wheel: Surface, axle: Surface, envelopes: dict[str, Surface], radius: float) -> Any:
-    """Both rough faces as maps; below them the envelopes of the spheres, of mean `radius` [mm], that stand for them."""
+def surfaces(plates: Plates, envelopes: dict[str, Surface]) -> Any:
+    """Both rough faces as maps; below them the envelopes of the spheres that stand for them, down to a mean radius.
+
+    The Sq of the spheres is that of summary.json: away from the edges of the plates.
+    """
+    packings = {"wheel": plates.wheel_packing, "axle": plates.axle_packing}
+    wheel, axle = (packing.surface for packing in packings.values())
     scale = 7.4 / (wheel.size[0] + axle.size[0])
     across, up = [scale * face.size[0] for face in (wheel, axle)], scale * wheel.size[1]
     figure = blank(sum(across) + 2.05, 2.0 * up + 1.25)
     lefts, bottoms = (0.55, 1.0 + across[0]), (0.85 + up, 0.48)
     axes = [[placed(figure, x, y, w, up) for x, w in zip(lefts, across, strict=True)] for y in bottoms]
     _maps(figure, axes[0], [wheel, axle])
-    _maps(figure, axes[1], list(envelopes.values()), depth=radius)
-    for each, body, face in zip(axes[0], ("wheel", "axle"), (wheel, axle), strict=True):
-        each.set_title(f"{body}: surface, Sq {1e3 * measure(face).Sq:.2f} µm", fontsize=9.5, y=1.0)
-        each.tick_params(labelbottom=False)
-    for each, (body, face) in zip(axes[1], envelopes.items(), strict=True):
-        each.set_title(f"{body}: its spheres, Sq {1e3 * measure(face).Sq:.0f} µm", fontsize=9.5, y=1.0)
-        each.set_xlabel("x, along the slide [mm]", fontsize=9)
+    _maps(figure, axes[1], [envelopes[body] for body in packings], depth=float(plates.lattice.radii.mean()))
+    for upper, lower, (body, packing) in zip(*axes, packings.items(), strict=True):
+        upper.set_title(f"{body}: surface, Sq {1e3 * measure(packing.surface).Sq:.2f} µm", fontsize=9.5, y=1.0)
+        upper.tick_params(labelbottom=False)
+        spheres = 1e3 * measure(packing.inner_envelope).Sq
+        lower.set_title(f"{body}: its spheres, Sq {spheres:.0f} µm", fontsize=9.5, y=1.0)
+        lower.set_xlabel("x, along the slide [mm]", fontsize=9)
     for left, right in axes:
         left.set_ylabel("y [mm]", fontsize=9)
         right.tick_params(labelleft=False)

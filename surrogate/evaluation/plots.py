@@ -38,7 +38,7 @@ def draw_configurations(data: MeasuredPairs, predicted: PredictedPairs, target: 
         label = "actual, each packing" if packing == 0 else None
         axes.plot(place, data.meso[order, packing, k], ".", color=VERMILION, ms=3.5, alpha=0.7, label=label)
     axes.set_xlabel("configuration, by the rising mean over its packings")
-    axes.set_ylabel(f"meso coefficient [-] at $\\mu_{{micro}}$ = {data.micro[k]:g}")
+    axes.set_ylabel(f"meso coefficient [-] at µ micro = {data.micro[k]:g}")
     axes.legend(frameon=False, fontsize=8)
     return save(figure, target)
 
@@ -49,13 +49,13 @@ def draw_scatter(data: MeasuredPairs, predicted: PredictedPairs, target: Path) -
     actual, guess = data.meso.mean(1), predicted.mean.mean(1)
     for k, colour in zip(range(len(data.micro)), (BLUE, GREEN, ORANGE, PURPLE, VERMILION, SKY), strict=False):
         left.plot(actual[:, k], guess[:, k], ".", ms=4, color=colour, label=f"{data.micro[k]:g}")
-    left.legend(title="$\\mu_{micro}$", frameon=False, fontsize=8, title_fontsize=8)
+    left.legend(title="µ micro", frameon=False, fontsize=8, title_fontsize=8)
     left.set_xlabel(f"actual meso coefficient [-] (mean over {data.packings} packings)")
     left.set_ylabel("predicted meso coefficient [-]")
     b = [_intercept(data.micro, mu) for mu in (actual, guess)]
     right.plot(1e3 * b[0], 1e3 * b[1], ".", ms=4, color=BLUE)
-    right.set_xlabel("actual $10^3\\,b$ [-]")
-    right.set_ylabel("predicted $10^3\\,b$ [-]")
+    right.set_xlabel("actual 10³ b [-]")
+    right.set_ylabel("predicted 10³ b [-]")
     for axes in (left, right):
         low, high = axes.get_xlim()
         axes.plot([low, high], [low, high], color="0.4", lw=0.8, zorder=0)

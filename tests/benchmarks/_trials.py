@@ -21,7 +21,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from conftest import launcher_environment  # noqa: E402
+from launcher import launcher_environment  # noqa: E402
 
 MARK = "MACROFIT_TRIAL"
 """Variable by which the processes of a trial are found, whatever group or session their launcher gives them."""

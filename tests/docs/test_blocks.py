@@ -18,7 +18,7 @@ import pytest
 import scans
 from benchmarks import _book as benchmarks
 from click.testing import CliRunner
-from conftest import LAUNCHER_VARIABLES, launcher_environment
+from launcher import alone, launcher_environment
 from small import small_press
 
 import macrofit.cli
@@ -136,9 +136,6 @@ class Reader:
         """A command of macrofit, in this process: what is imported once is there for all."""
         if words[:2] == ["macrofit", "judge"] and words[2] in scene_names() and not Path(words[2]).exists():
             self.run(["macrofit", "run", words[2]])
-        for body in ("wheel", "axle"):  # measured faces
-            if f"{body}.npy" in words and words[1] == "predict":
-                self.run(["macrofit-meso", "surface", "--body", body, "-o", f"{body}.npy"])
         done = CliRunner().invoke(MAINS[words[0]], pages.toy(words)[1:])
         told = f"{self.page.name}: {' '.join(words)}\n{done.output}"
         if done.exception is not None and not isinstance(done.exception, SystemExit):
@@ -148,7 +145,7 @@ class Reader:
     def launch(self, words: list[str]) -> None:
         """A command under mpirun; where the page says how to set it up, with nothing but that."""
         ranks, program, rest = words[2], words[3], words[3:]
-        environment = {k: v for k, v in os.environ.items() if not k.startswith((*LAUNCHER_VARIABLES, "OMPI_", "PRTE_"))}
+        environment = {k: v for k, v in alone().items() if not k.startswith(("OMPI_", "PRTE_"))}
         if not self.exports:
             environment = launcher_environment()
         elif (os.cpu_count() or 1) < int(ranks):

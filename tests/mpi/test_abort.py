@@ -40,7 +40,7 @@ PATIENCE_S = 60.0  # without the abort the job would wait for ever; with it a st
 
 @pytest.mark.parametrize("text", [FAILS_ON_ONE_RANK, FAILS_WHEN_COLLECTED], ids=["test", "collection"])
 def test_a_failing_rank_ends_the_job(text, tmp_path, mpirun):
-    for name in ("conftest.py", "found.py"):
+    for name in ("conftest.py", "found.py", "launcher.py"):
         shutil.copy(TESTS / name, tmp_path)
     (tmp_path / "test_generated.py").write_text(text)
     begin = time.perf_counter()
@@ -53,7 +53,8 @@ def test_a_failing_rank_ends_the_job(text, tmp_path, mpirun):
 
 def test_a_hanging_test_ends_the_job_with_its_traceback(tmp_path, mpirun):
     conftest = (TESTS / "conftest.py").read_text()
-    shutil.copy(TESTS / "found.py", tmp_path)
+    for name in ("found.py", "launcher.py"):
+        shutil.copy(TESTS / name, tmp_path)
     (tmp_path / "conftest.py").write_text(conftest.replace("LIMIT_S = 120.0", "LIMIT_S = 2.0"))
     (tmp_path / "test_generated.py").write_text(HANGS)
     done = mpirun(2, "-m", "pytest", "-p", "no:cacheprovider", "test_generated.py", timeout=PATIENCE_S, cwd=tmp_path)

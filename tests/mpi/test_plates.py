@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from conftest import Mpirun
+from launcher import Mpirun
 
 ROOT = Path(__file__).parents[2]
 SMALL = ["--no-figures", "--set", "plates.spheres=900", "--set", "engine.increment=0.05"]

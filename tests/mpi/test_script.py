@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pages
-from conftest import Mpirun
+from launcher import Mpirun
 
 SCRIPT = Path(__file__).with_name("press.py")
 PAGE = Path(__file__).parents[2] / "docs" / "python.md"

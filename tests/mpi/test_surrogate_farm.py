@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import Mpirun, launcher_environment
+from launcher import Mpirun, launcher_environment
 
 from surrogate.data.database import read_database
 

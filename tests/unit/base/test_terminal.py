@@ -31,6 +31,7 @@ def test_a_screen_wraps_overwrites_and_erases() -> None:
     assert shown("\x1b[31mred\x1b[0m", 9) == ["red"]
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_leaves_one_bar_and_the_terminal_as_it_was(tmp_path: Path) -> None:
     terminal = Terminal("macrofit", "run", "wheelset", "-o", str(tmp_path / "run"))
     terminal.wait_for(" mm ")

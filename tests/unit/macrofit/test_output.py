@@ -24,7 +24,17 @@ from macrofit.base.files import replacing
 from macrofit.bodies import outlook
 from macrofit.errors import OutputError
 from macrofit.figures import curves as plots
-from macrofit.figures.body import _outline, _split, draw_axis, draw_yield, whole_window
+from macrofit.figures.body import (
+    SHORTEST,
+    _outline,
+    _split,
+    deformed,
+    draw_axis,
+    draw_yield,
+    largest_node,
+    whole_window,
+)
+from macrofit.figures.friction import FLATTEST
 from macrofit.figures.stress import stress
 from macrofit.monitor import Lines, Progress, Several
 from macrofit.results import folder as output
@@ -334,6 +344,23 @@ def test_the_curve_marks_its_peak_and_a_window_that_fits():
     assert not any("EN 13260" in text.get_text() for text in far.axes[0].texts)
 
 
+@pytest.mark.parametrize("top", [1400.0, 1800.0, 2700.0])
+def test_the_words_on_the_windows_do_not_cover_the_curve(top):
+    figure, axes = plots.curve_sheet()
+    x = np.linspace(0.0, 180.0, 181)
+    axes.plot(x, top * x / 180.0)
+    judged, _ = press_fit_verdict(fake_solution())
+    plots.draw_windows(axes, judged, [(x, top * x / 180.0)])
+    plots.label_curve(axes, "")
+    figure.draw_without_rendering()
+    line = axes.transData.transform(np.column_stack([x, top * x / 180.0]))
+    assert len(axes.texts) == 2
+    for text in axes.texts:
+        box = text.get_window_extent()
+        inside = (line[:, 0] > box.x0) & (line[:, 0] < box.x1) & (line[:, 1] > box.y0) & (line[:, 1] < box.y1)
+        assert not inside.any()
+
+
 def words_of(axes):
     return [text.get_text() for text in axes.texts]
 
@@ -537,3 +564,43 @@ def test_pictures_are_written_as_they_are_drawn(tmp_path: Path) -> None:
     assert np.array_equal(imread(tmp_path / "ours.png"), imread(tmp_path / "theirs.png")[..., :3])
     density = int.from_bytes((tmp_path / "ours.png").read_bytes()[41:45], "big")
     assert density == pytest.approx(150.0 / 0.0254, abs=0.5)  # dots per metre
+
+
+@pytest.mark.parametrize("title", ["pay $5 for x_{ and $6", "$x_{$"])
+def test_a_dollar_in_a_title_is_no_formula(tmp_path: Path, title: str) -> None:
+    """It was a traceback of matplotlib at the end of a run."""
+    solution = with_pairs()
+    scene = msgspec.structs.replace(solution.scene, title=title)
+    assert len(plots.write_figures(tmp_path, dataclasses.replace(solution, scene=scene))) == 5
+
+
+def test_the_largest_stress_of_a_window_is_in_it() -> None:
+    field = fake_field()
+    place = deformed(field)
+    order = np.argsort(field.von_mises)
+    window = (place[order[0]] - 0.1, place[order[0]] + 0.1)
+    body, found, value = largest_node({"axle": field}, window)
+    assert (body, found.tolist(), value) == ("axle", place[order[0]].tolist(), field.von_mises[order[0]])
+
+
+def test_the_whole_window_has_room_for_the_push() -> None:
+    low, high = whole_window([fake_field()])
+    points = deformed(fake_field())
+    assert points[:, 1].min() - low[1] > SHORTEST * np.ptp(points[:, 1])
+    assert high[1] > points[:, 1].max()
+
+
+def test_a_wheel_that_rests_is_told_by_its_increment() -> None:
+    """While it cools, the displacement is the same in all increments."""
+    solution = fake_solution()
+    records = [fake_increment(0, 5.0, 1e5), fake_increment(1, 5.0, 2e5), fake_increment(2, 6.0, 3e5)]
+    resting = dataclasses.replace(solution, increments=records)
+    said = [words_of(axes)[0] for axes in plots.interface(resting).axes if words_of(axes)]
+    assert said == ["5 mm, increment 1", "5 mm, increment 2", "6 mm"]
+
+
+def test_rounding_is_not_drawn_as_variation_of_friction() -> None:
+    solution = with_pairs(np.nan)
+    rows = plots.friction(solution, solution.friction).axes
+    low, high = rows[0].get_ylim()
+    assert high - low == pytest.approx(FLATTEST)

@@ -86,6 +86,8 @@ def test_a_key_that_is_given_is_measured_and_not_just_listed() -> None:
     scene = build_scene(NARROW)
     drawn = views(scene, bounds([outline(scene, "axle", 0.0), outline(scene, "wheel", 0.0)]))
     assert unmeasured(scene, drawn) == ["axle.profile left out", "wheel.profile left out", "wheel.temperature = 0"]
+    measured = msgspec.structs.replace(scene, axle=msgspec.structs.replace(scene.axle, profile="/far/away/seat.csv"))
+    assert unmeasured(measured, drawn)[0] == "axle.profile = seat.csv"
 
 
 def test_dimensions_are_as_long_as_their_keys() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -108,3 +109,36 @@ def test_matplotlib_keeps_its_tables_where_somebody_may_read_them() -> None:
     assert said(TABLES.format(first="")) == "False True"
     assert said(TABLES.format(first="sys.ps1 = '>>> '")) == "True True"
     assert said(TABLES.format(first="import matplotlib.lines")) == "True True"
+
+
+SETTINGS = """
+import os, sys
+os.chdir(sys.argv[1])
+from macrofit.base.figure import figure_class
+figure_class()
+import matplotlib
+print(matplotlib.rcParams["text.usetex"], matplotlib.rcParams["font.size"])
+"""
+
+
+def test_figures_do_not_depend_on_the_settings_of_other_figures(tmp_path: Path) -> None:
+    """A matplotlibrc that asks for a TeX that is not there was a traceback at the end of a run."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 22\n")
+    assert said(SETTINGS, str(tmp_path)) == "False 10.0"
+
+
+def test_names_of_files_need_not_be_utf_8(tmp_path: Path) -> None:
+    """Of an old disk, say; dolfinx read the words of the command as its own, and failed on them."""
+    folder = os.fsencode(tmp_path) + b"/l\xe9"
+    command = [sys.executable, "-m", "macrofit", "run", "contact-patch", "--quiet", "-o", folder]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "udce9" in json.loads(Path(os.fsdecode(folder), "summary.json").read_text())["provenance"]["command"]
+
+
+def test_a_value_that_is_not_utf_8_is_a_line(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "macrofit", "run", "wheelset", "-o", tmp_path / "run", "--set", b'title="\xe9"']
+    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True)
+    assert done.returncode == 2
+    assert done.stderr.count(b"\n") == 1
+    assert b"not UTF-8" in done.stderr

@@ -10,14 +10,16 @@ import sys
 from pathlib import Path
 from typing import ClassVar
 
+import msgspec
 import numpy as np
 import pytest
 import rippled
 from click.testing import CliRunner
-from fakes import fake_field
+from fakes import fake_field, fake_solution
 from mpi4py import MPI
 from small import small_press
 
+from macrofit.acceptance import verdict as press_fit_verdict
 from macrofit.assembly import assemble
 from macrofit.cli import main
 from macrofit.errors import ProviderError, SceneError
@@ -25,7 +27,8 @@ from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
-from macrofit.study.panels import stress_panels
+from macrofit.study.output import _verdict_totals
+from macrofit.study.panels import _panel, stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
 from macrofit.study.run import carry_out_study
 from macrofit.study.statistics import statistics
@@ -281,6 +284,40 @@ def test_of_later_runs_the_difference_from_the_first_is_drawn(scene_file, zoom):
     ((low, high),) = differences
     assert -low == high == pytest.approx(0.5 * stresses.pop()[1])
     assert "less coefficient = 0.1" in figure.axes[1].get_title()
+
+
+def test_a_difference_is_that_of_the_later_run_and_of_the_same_nodes():
+    first = {"axle": fake_field()}
+    more = {"axle": dataclasses.replace(fake_field(), von_mises=1.5 * fake_field().von_mises)}
+    panel = _panel(first, more, first=False)
+    assert panel.difference
+    np.testing.assert_allclose(panel.values["axle"], 0.5 * first["axle"].von_mises)
+    other = _panel(first, {"axle": fake_field(0.5)}, first=False)
+    assert not other.difference
+    np.testing.assert_array_equal(other.values["axle"], first["axle"].von_mises)
+
+
+def test_the_windows_of_a_study_are_those_of_its_runs(scene_file):
+    """None where the seats differ."""
+    plan = plan_study(scene_file, ["friction.options.coefficient=0.1,0.2"])
+    same, _ = press_fit_verdict(fake_solution())
+    other = msgspec.structs.replace(same, seat_diameter_mm=150.0)
+    windows = {"EN 13260": same.en_13260, "GOST 11018": same.gost_11018}
+    assert _verdict_totals(plan, [same, same])["windows"] == {
+        name: {"low_N": window.low, "high_N": window.high} for name, window in windows.items()
+    }
+    assert _verdict_totals(plan, [same, other])["windows"] == {}
+
+
+@pytest.mark.parametrize(("direction", "arrows"), [("radial", 1), ("axial", 0)])
+def test_panels_show_the_push_along_the_axle_alone(scene_file, direction, arrows):
+    """Discs are pressed face on face: an arrow at the rear of a hub would mislead. No stress is no largest one."""
+    (run,) = plan_study(scene_file, [], [f"contact.direction={direction}"]).runs
+    bodies = {body: dataclasses.replace(fake_field(), von_mises=np.zeros(9)) for body in ("axle", "wheel")}
+    (panel, *_) = stress_panels([(run, {40.0: bodies})]).axes
+    said = [text.get_text() for text in panel.texts]
+    assert said.count("push") == arrows
+    assert not [text for text in said if "MPa" in text]
 
 
 @pytest.mark.parametrize("spoil", [lambda data: data[:-9], lambda data: data[:300] + b"x" + data[301:], None])

@@ -268,6 +268,7 @@ def test_a_bug_shows_its_traceback(second_slide):
     assert isinstance(shown.exception, ZeroDivisionError)
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_run_with_130(place, packings, sign):
     long = [*SET, "--engine", "explicit", "--set", "engine.speed=100", "--micro-friction", "0.1,0.2", "-o", "out"]

@@ -254,6 +254,14 @@ def test_a_sphere_is_a_disc_of_its_size_and_colour():
     assert middle[0] > 2.0 * middle[1]
 
 
+def test_light_comes_from_the_left_and_from_above():
+    image, _ = picture.draw(picture.View(), np.zeros((1, 3)), np.array([0.5]), np.array([[0.5, 0.5, 0.5]]), 100)
+    tone = image[..., 0].astype(int)
+    half = tone.shape[1] // 2
+    assert tone[:, :half].sum() > 1.1 * tone[:, half:].sum()
+    assert tone[: tone.shape[0] // 2].sum() > 1.1 * tone[tone.shape[0] // 2 :].sum()
+
+
 def test_what_is_nearer_hides_what_is_behind():
     view = picture.View(azimuth=0.0, elevation=0.0)  # seen along +y
     colours = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -312,6 +312,7 @@ def test_killed_with_its_processes_and_gone_on_with(database, tmp_path):
     assert os.listdir(tmp_path) == ["a.h5"]
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize(("how", "jobs"), [(signal.SIGINT, 2), (signal.SIGTERM, 1)])
 def test_interrupted(how, jobs, tmp_path):
     """Ctrl-C reaches the whole group of processes; one line is said, and the same command would go on."""
