@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -387,7 +388,10 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     resolved = load_scene(scene, overrides)
     for line in idle_keys(resolved):
         complain(f"warning: {line}")
-    registry.load(resolved.friction.provider, resolved.friction.options)
+    friction, material = resolved.friction, resolved.axle.material
+    build = partial(registry.build_provider, friction.provider, friction.options)
+    for line in registry.try_provider(build, material.youngs_modulus, material.poisson_ratio):
+        complain(f"warning: {line}")
     for line in outlook(resolved):
         click.echo(line)
     if target is not None:

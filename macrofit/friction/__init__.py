@@ -21,6 +21,7 @@ from macrofit.friction.registry import (
     load,
     load_options,
     names,
+    try_provider,
 )
 from macrofit.friction.script import GivenFriction, ScriptFriction
 from macrofit.friction.tiles import TileOverlaps, tile_overlaps
@@ -54,4 +55,5 @@ __all__ = [
     "load_options",
     "names",
     "tile_overlaps",
+    "try_provider",
 ]

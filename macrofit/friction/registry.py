@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
@@ -79,6 +80,30 @@ def build_provider(name: str, options: Mapping[str, object], context: BuildConte
         raise ProviderError(f"friction provider {name!r} cannot be built: {_said(error)}") from error
     declared_dependence(provider, name)
     return provider
+
+
+def try_provider(
+    build: Callable[[BuildContext], FrictionProvider], youngs_modulus: float, poisson_ratio: float
+) -> list[str]:
+    """Build a provider for one tile of each body, so that what it refuses is known before anything runs.
+
+    Args:
+        build: makes the provider.
+        youngs_modulus: of the axle [MPa].
+        poisson_ratio: of the axle [-].
+
+    Returns:
+        what it warned of.
+
+    Raises:
+        ProviderError: as `build_provider`.
+    """
+    context = BuildContext(seat_tiles=1, bore_tiles=1, youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", UserWarning)
+        build(context)
+    return [str(warning.message) for warning in said]
 
 
 def provider_package(name: str) -> str:

@@ -6,11 +6,11 @@ import hashlib
 import itertools
 import math
 import re
-import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from .. import __version__
 from ..acceptance import Standard
 from ..base.toml import last_part
 from ..errors import MacrofitError, SceneError
-from ..friction import BuildContext, GivenFriction, ScriptFriction, build_provider
+from ..friction import GivenFriction, ScriptFriction, build_provider, try_provider
 from ..results.journal import VERSION, file_digests
 from ..scene import Scene, load_scene, with_script_friction
 
@@ -234,16 +234,9 @@ def _planned(
 
 def _try_friction(scene: Scene, script: ScriptFriction | None) -> None:
     """Build the provider once, so that a value it refuses is known before anything runs."""
-    material = scene.axle.material
-    context = BuildContext(
-        seat_tiles=1, bore_tiles=1, youngs_modulus=material.youngs_modulus, poisson_ratio=material.poisson_ratio
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # said when it runs
-        if script is not None:
-            script.build(scene.friction.options, context)
-        else:
-            build_provider(scene.friction.provider, scene.friction.options, context)
+    material, (name, options) = scene.axle.material, (scene.friction.provider, scene.friction.options)
+    build = partial(build_provider, name) if script is None else script.build
+    try_provider(partial(build, options), material.youngs_modulus, material.poisson_ratio)  # warned of when it runs
 
 
 def _no_twins(runs: Sequence[PlannedRun]) -> None:

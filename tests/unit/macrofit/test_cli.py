@@ -111,6 +111,10 @@ def test_check_says_what_the_scene_will_do(scene_file):
         ("friction.provider=ice", "macrofit: no friction provider 'ice'"),
         ("friction.options={coeficient=0.1}", "macrofit: friction.options.coeficient: unknown option"),
         ("mesh.axle=none.msh", "macrofit: axle"),
+        (
+            'friction={provider="surrogate",options={micro_friction=0.5}}',
+            "macrofit: friction provider 'surrogate' cannot be built: ProviderError: the network has not seen",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_and_code_2(scene_file, override, message):
