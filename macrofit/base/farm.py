@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from multiprocessing.connection import wait
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from .errors import MacrofitError
 from .ranks import raise_together
 
 if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
+
     from mpi4py import MPI
 
 RESULT, LEFT, STOP = 11, 12, 13
@@ -57,6 +61,9 @@ class SerialFarm:
 class ProcessFarm:
     """Processes of their own on this machine; they end with the one that started them, however it ends.
 
+    Each has a pipe of its own, read by the main thread alone. (An executor of `concurrent.futures` shares one pipe of
+    results: where a process is ended while it writes there, the thread that reads it waits for the rest for ever.)
+
     Args:
         jobs: how many of them.
     """
@@ -65,29 +72,38 @@ class ProcessFarm:
         self._jobs = jobs
 
     def run(self, tasks: Sequence[Task], work: Callable[[Task], Result], accept: Callable[[Result], None]) -> None:
-        """As they end; ``work`` and the tasks are sent to the processes, so both must be picklable.
+        """As they end; ``work``, the tasks and the results are sent between processes, so all must be picklable.
 
         Raises:
             FarmError: a process was killed, as by a machine that runs out of memory.
         """
-        others = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(self._jobs, multiprocessing.get_context("spawn"), initializer=_end_with_parent)
         ahead = iter(tasks)
+        workers: dict[Connection, BaseProcess] = {}
         try:
-            with _ctrl_c_withheld():  # the processes start with the first tasks, and keep this
-                pending = {pool.submit(work, task) for task in islice(ahead, 2 * self._jobs)}
-            for future in _ended(pending, ahead, lambda task: pool.submit(work, task)):
-                accept(future.result())
-            pool.shutdown()
-        except BrokenProcessPool:
-            raise FarmError(
-                "a process of the farm was killed (out of memory?); what was computed is kept, and the same command "
-                "goes on; try fewer --jobs"
-            ) from None
+            with _ctrl_c_withheld():  # they keep this
+                for task in islice(ahead, self._jobs):
+                    connection, process = _worker(work)
+                    workers[connection] = process
+                    with _alive():
+                        connection.send(task)
+            at_work = set(workers)
+            while at_work:
+                for connection in cast("list[Connection]", wait(list(at_work))):
+                    with _alive():
+                        done, answer = connection.recv()
+                        try:
+                            connection.send(next(ahead))
+                        except StopIteration:
+                            at_work.discard(connection)
+                    if not done:
+                        raise answer
+                    accept(answer)
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - others:
-                child.terminate()
+            for connection, process in workers.items():
+                connection.close()
+                process.terminate()
+            for process in workers.values():
+                process.join()
 
 
 class MpiFarm:
@@ -260,15 +276,45 @@ def _silent_once_failed(accept: Callable[[Result], None]) -> Callable[[Result], 
     return guarded
 
 
-def _ended(
-    pending: set[Future[Result]], ahead: Iterable[Task], submit: Callable[[Task], Future[Result]]
-) -> Iterator[Future[Result]]:
-    """The futures as they end; for each one more task goes under way, so that a few wait at any time."""
-    ahead = iter(ahead)
-    while pending:
-        ended, pending = wait(pending, return_when=FIRST_COMPLETED)
-        pending |= {submit(task) for task in islice(ahead, len(ended))}
-        yield from ended
+def _worker(work: Callable[[Task], Result]) -> tuple[Connection, BaseProcess]:
+    """A new process that does what comes through the connection."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there, work), daemon=True)
+    process.start()
+    there.close()  # so that a process that is killed is the end of the pipe
+    return here, process
+
+
+def _serve(connection: Connection, work: Callable[[Task], Result]) -> None:
+    """Answer each task with (True, result), or (False, exception) with a note of where it was raised."""
+    _end_with_parent()
+    while True:
+        try:
+            task = connection.recv()
+        except EOFError:
+            return
+        try:
+            connection.send((True, work(task)))
+        except Exception as error:
+            told = f"in a process of the farm:\n{traceback.format_exc()}"
+            error.add_note(told)
+            try:
+                connection.send((False, error))
+            except (TypeError, AttributeError, pickle.PicklingError):
+                connection.send((False, FarmError(told)))
+
+
+@contextmanager
+def _alive() -> Iterator[None]:
+    """A pipe that ends is a process that was killed."""
+    try:
+        yield
+    except (EOFError, ConnectionError):
+        raise FarmError(
+            "a process of the farm was killed (out of memory?); what was computed is kept, and the same command "
+            "goes on; try fewer --jobs"
+        ) from None
 
 
 def _end_with_parent() -> None:
