@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .network.shipped import Shipped
 
 
-LOADING = "Network         loading torch"
+LOADING, LOADING_NETWORK = "Network         loading torch", "Network         loading"
 """What is said before anything heavy is loaded."""
 
 
@@ -348,7 +348,7 @@ def predict(
 
     The same seeds and keys as in `macrofit-meso run`, which computes what is predicted here.
     """
-    announce("Network         loading", quiet=False)
+    announce(LOADING_NETWORK, quiet=False)
     from msgspec.structs import replace
 
     from meso.settings import decode

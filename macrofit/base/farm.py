@@ -14,8 +14,9 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
@@ -79,6 +80,7 @@ class ProcessFarm:
         """
         ahead = iter(tasks)
         workers: dict[Connection, BaseProcess] = {}
+        resource_tracker.ensure_running()  # where the first process starts it, Ctrl-C gets through again
         try:
             with _ctrl_c_withheld():  # they keep this
                 for task in islice(ahead, self._jobs):
@@ -99,11 +101,11 @@ class ProcessFarm:
                         raise answer
                     accept(answer)
         finally:
-            for connection, process in workers.items():
-                connection.close()
-                process.terminate()
             for process in workers.values():
+                process.terminate()
+            for connection, process in workers.items():
                 process.join()
+                connection.close()
 
 
 class MpiFarm:
@@ -289,20 +291,18 @@ def _worker(work: Callable[[Task], Result]) -> tuple[Connection, BaseProcess]:
 def _serve(connection: Connection, work: Callable[[Task], Result]) -> None:
     """Answer each task with (True, result), or (False, exception) with a note of where it was raised."""
     _end_with_parent()
-    while True:
-        try:
+    with suppress(EOFError, ConnectionError):  # nobody asks any more
+        while True:
             task = connection.recv()
-        except EOFError:
-            return
-        try:
-            connection.send((True, work(task)))
-        except Exception as error:
-            told = f"in a process of the farm:\n{traceback.format_exc()}"
-            error.add_note(told)
             try:
-                connection.send((False, error))
-            except (TypeError, AttributeError, pickle.PicklingError):
-                connection.send((False, FarmError(told)))
+                connection.send((True, work(task)))
+            except Exception as error:
+                told = f"in a process of the farm:\n{traceback.format_exc()}"
+                error.add_note(told)
+                try:
+                    connection.send((False, error))
+                except (TypeError, AttributeError, pickle.PicklingError):
+                    connection.send((False, FarmError(told)))
 
 
 @contextmanager

@@ -7,8 +7,8 @@ import pytest
 from scipy import sparse
 
 from macrofit.base import cholmod
-from meso import kernels
 from meso.errors import MesoError
+from meso.lattice import kernels
 from meso.lattice.candidates import Faces
 from meso.lattice.cholmod import factor
 from meso.plates import Plates, make_plates

@@ -20,7 +20,8 @@ PLAYED = 'mkdir() { :; }\ncp() { echo cp "$@"; }\nsurrogate() { echo "$@"; }\n'
 @pytest.fixture(scope="module")
 def commands() -> list[list[str]]:
     """The words of every command of the recipe, with the network and copying played."""
-    recipe = subprocess.run(["make", "-n", "networks"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    shown = ["make", "--no-print-directory", "-n", "networks"]
+    recipe = subprocess.run(shown, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     lines = [line for line in recipe[recipe.rindex("mkdir -p ") :].splitlines() if not line.startswith("surrogate()")]
     said = subprocess.run(["bash", "-eu", "-c", PLAYED + "\n".join(lines)], check=True, capture_output=True, text=True)
     return [shlex.split(line) for line in said.stdout.splitlines()]
