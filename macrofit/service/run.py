@@ -67,7 +67,7 @@ def serve(
     residual, bodies = pressed_and_released(scene, friction)
     say(f"Released        at {residual.displacement:.6g} mm, after {residual.force / 1e3:.5g} kN")
     whole, found = _with_harmonics(scene, residual, bodies)
-    return Service(whole=whole, bonded=in_bending(whole, found), turned=_turned(whole, found, residual, say))
+    return Service(whole=whole, bonded=in_bending(whole, dict(enumerate(found))), turned=_turned(whole, found, residual, say))
 
 
 def _with_harmonics(scene: Scene, residual: Residual, bodies: Mapping[str, Body]) -> tuple[Wheelset, list[Harmonic]]:
@@ -103,7 +103,7 @@ def bonded_only(scene: Scene) -> Service:
         SceneError: nothing can bend, or the wheel is not on its seat.
     """
     whole = wheelset(scene, discretise_bodies(scene, MPI.COMM_SELF))
-    return Service(whole=whole, bonded=bonded_solution(whole, 1), turned=None)
+    return Service(whole=whole, bonded=bonded_solution(whole), turned=None)
 
 
 def carry_out_service(scene: Scene, comm: MPI.Comm, folder: Path, *, bonded: bool, quiet: bool) -> list[str]:

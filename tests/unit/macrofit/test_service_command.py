@@ -10,7 +10,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from macrofit.cli import main
+from macrofit.scene import load_scene
 from macrofit.service import output
+from macrofit.service.run import bonded_only
 
 SHORT = (
     "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=30",
@@ -55,6 +57,14 @@ def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Pa
     assert found["friction"] is None
     assert 1.0 < found["bonded"]["inner"]["stress_concentration"] < 3.0
     assert not (folder / output.FRETTING).exists()
+
+
+@pytest.mark.parametrize(("load", "harmonics"), [("journal_force=1e5", [1]), ("torque=1e6", [0, 1])])
+def test_bonded_solution_factors_the_harmonics_that_the_loads_need(load: str, harmonics: list[int]) -> None:
+    found = bonded_only(load_scene("wheelset", [*SHORT, f"service.{load}"]))
+    assert sorted(found.bonded.harmonics) == harmonics
+    for body in (found.whole.fit.axle, found.whole.fit.wheel):
+        assert sorted(body._factors) == harmonics
 
 
 def test_loads_scale_the_nominal_stress(tmp_path: Path) -> None:
