@@ -67,7 +67,9 @@ def serve(
     residual, bodies = pressed_and_released(scene, friction)
     say(f"Released        at {residual.displacement:.6g} mm, after {residual.force / 1e3:.5g} kN")
     whole, found = _with_harmonics(scene, residual, bodies)
-    return Service(whole=whole, bonded=in_bending(whole, dict(enumerate(found))), turned=_turned(whole, found, residual, say))
+    return Service(
+        whole=whole, bonded=in_bending(whole, dict(enumerate(found))), turned=_turned(whole, found, residual, say)
+    )
 
 
 def _with_harmonics(scene: Scene, residual: Residual, bodies: Mapping[str, Body]) -> tuple[Wheelset, list[Harmonic]]:
