@@ -7,28 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from serving import SHORT, read_table, service
 
-from macrofit.cli import main
 from macrofit.scene import load_scene
 from macrofit.service import output
 from macrofit.service.run import bonded_only
-
-SHORT = (
-    "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=30",
-    "wheel.bore_radius=94.85", "friction.options.coefficient=0.2", "service.harmonics=1", "service.steps=9",
-)  # fmt: skip
-
-
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    head, *rows = path.read_text().split()
-    return dict(zip(head.split(","), np.array([row.split(",") for row in rows], dtype=float).T, strict=True))
-
-
-def service(folder: Path, *more: str, scene: str = "wheelset", bonded: bool = False) -> Result:
-    changes = [word for change in (*SHORT, *more) for word in ("--set", change)]
-    words = ["service", scene, *changes, "-o", str(folder), *(["--bonded"] if bonded else [])]
-    return CliRunner(mix_stderr=False).invoke(main, words)
 
 
 def test_folder_has_numbers_tables_and_a_figure(tmp_path: Path) -> None:

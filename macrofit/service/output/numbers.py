@@ -7,26 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.arrays import FloatArray
-from ..base.files import write_text
-from ..plasticity.material import hardening
-from ..results.doubts import doubtful_lines
-from ..results.versions import versions
-from ..scene import dump_scene
-from .bonded import OUTSIDE, Bonded, Edge
-from .fit import Fit
-from .history import SLIPPED, Endurance, Fretting
-from .seat_stress import MM, NM, NN
-from .wheelset import Wheelset
+from ...base.arrays import FloatArray
+from ...base.files import write_text
+from ...plasticity.material import hardening
+from ...results.doubts import doubtful_lines
+from ...results.versions import versions
+from ...scene import dump_scene
+from ..bonded import OUTSIDE, Bonded, Edge
+from ..fit import Fit
+from ..history import SLIPPED, Endurance, Fretting
+from ..seat_stress import MM, NM, NN
+from ..wheelset import Wheelset
 
 if TYPE_CHECKING:
-    from .run import Turned
+    from ..run import Service, Turned
 
-NUMBERS = "service.json"
-SEAT = "seat.csv"
-"""Values along the seat, one row for each facet; under the bonded fit, at the angle 0."""
-FRETTING = "fretting.csv"
-"""Values along the contact over a revolution, one row for each moment: two of a facet of order 2."""
 STEADY = 5e-3
 """Slip that a revolution may leave, in the largest range of slip."""
 BALANCED = 1e-3
@@ -35,8 +30,9 @@ LEAST_WORK = 100.0
 """Friction work of a revolution below which it is counted as that much [N mm]; a wheelset has 1e3 to 1e5."""
 
 
-def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str, Any]:
-    """The numbers of service.json, keys with their units; friction is None where nothing turned."""
+def numbers(found: Service) -> dict[str, Any]:
+    """The numbers of service.json, keys with their units; friction is None where no revolution is whole."""
+    whole, turned = found.whole, found.turned
     keys = whole.loads.keys
     return {
         "title": whole.scene.title,
@@ -45,10 +41,12 @@ def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str,
         "journal_moment_N_mm": keys.journal_moment,
         "lateral_force_N": keys.lateral_force,
         "torque_N_mm": keys.torque,
-        "bonded": {edge.name: _edge(edge) for edge in bonded.edges},
+        "bonded": {edge.name: _edge(edge) for edge in found.bonded.edges},
         "friction": None if turned is None else _friction(whole.fit, turned),
         "endurance": None if turned is None else _endurance(turned.endurance),
         "doubts": [] if turned is None else service_doubts(whole, turned),
+        "turned_revolutions": found.moments[-1].time if found.moments else None,
+        "ended": found.ended,
         "scene": dump_scene(whole.scene),
         "versions": versions(),
     }
