@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.files import write_json
-from . import FIGURE, FRETTING, NUMBERS, SEAT
+from ...base.files import replacing, write_json
+from . import FIGURE, FRETTING, HISTORIES, NUMBERS, SEAT, SURFACE
 from .numbers import fretting_columns, numbers, seat_columns, sentences, write_columns
 
 if TYPE_CHECKING:
@@ -28,6 +28,14 @@ def write_service(folder: Path, found: Service) -> list[str]:
     if found.turned is not None:
         columns = fretting_columns(found.whole.fit, found.turned.fretting, found.turned.friction)
         write_columns(folder / FRETTING, {name: np.asarray(column) for name, column in columns.items()})
+        from .surface import surface_mesh
+
+        with replacing(folder / SURFACE) as draft:
+            surface_mesh(found.whole, found.turned).write(draft, file_format="vtu")
+    if found.moments:
+        from .histories import write_histories
+
+        write_histories(folder / HISTORIES, found)
     write_figure(folder / FIGURE, found)
     write_json(folder / NUMBERS, told)
     return sentences(told)
