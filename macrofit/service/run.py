@@ -17,9 +17,10 @@ from ..friction import GivenFriction
 from ..monitor import lines_of_first
 from ..scene import Scene
 from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
-from .history import Endurance, Fretting, endurance, fretting, limits_of, stress_histories
+from .history import Endurance, Fretting, endurance, fretting, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
+from .limits import limits_of
 from .output.write import write_service
 from .residual import Residual, pressed_and_released, restored
 from .rotation import Moment, Revolution
@@ -63,7 +64,7 @@ class Course:
         Raises:
             MacrofitError: see `serve`.
         """
-        limits_of(service_keys(self.scene))
+        limits_of(service_keys(self.scene), self.scene.axle.material)
         residual, bodies = self._released(friction)
         self._say(f"Released        at {residual.displacement:.6g} mm, after {residual.force / 1e3:.5g} kN")
         whole, found = _with_harmonics(self.scene, residual, bodies)
