@@ -20,7 +20,7 @@ from ..base.files import read_regular, remove_drafts, writing
 from ..base.log import Log, frame, frames
 from ..errors import OutputError
 from ..results.encoding import PackedArray, State, packed, unpacked
-from ..results.folder import prepare
+from ..results.folder import prepare, write_scene
 from ..results.journal import Journal, file_digests, is_journal, scene_digest
 from ..scene import Scene
 from .output import NUMBERS, RESULTS
@@ -116,6 +116,7 @@ def open_folder(folder: Path, scene: Scene, *, resume: bool) -> Kept:
         make = _started
     try:
         remove_drafts(folder)
+        write_scene(folder, scene)
         log, found = make(rotation, _head(scene))
     except BaseException:
         journal.close()

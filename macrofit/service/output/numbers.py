@@ -12,7 +12,7 @@ from ...base.arrays import FloatArray
 from ...base.files import write_text
 from ...plasticity.material import hardening
 from ...results.doubts import doubtful_lines
-from ...results.versions import versions
+from ...results.versions import provenance, versions
 from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
 from ..fit import Fit
@@ -54,6 +54,7 @@ def numbers(found: Service) -> dict[str, Any]:
         "ended": found.ended,
         "scene": dump_scene(whole.scene),
         "versions": versions(),
+        "provenance": provenance(whole.scene),
     }
 
 

@@ -15,11 +15,14 @@ from serving import SHORT, service
 from macrofit.base.log import frames
 from macrofit.service import journal, output
 
-TABLES = (output.NUMBERS, output.SEAT, output.FRETTING)
+TABLES = (output.SEAT, output.FRETTING, output.SURFACE, output.HISTORIES)
 
 
-def contents(folder: Path) -> list[bytes]:
-    return [(folder / name).read_bytes() for name in TABLES]
+def contents(folder: Path) -> list[object]:
+    """What a computation told, to the bit; but when and by which command."""
+    numbers = json.loads((folder / output.NUMBERS).read_text())
+    del numbers["provenance"]
+    return [numbers, *((folder / name).read_bytes() for name in TABLES)]
 
 
 @pytest.fixture(scope="module")
