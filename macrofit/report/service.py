@@ -40,6 +40,7 @@ SLIPS = {
     "opening_mm": ("opening", ORANGE, "2 3"),
 }
 WORST = {
+    "axial_stress_amplitude_MPa": ("Amplitude of the axial stress", "MPa"),
     "crossland": ("Crossland", "of the limit"),
     "dang_van": ("Dang Van", "of the limit"),
     "findley": ("Findley", "of the limit"),

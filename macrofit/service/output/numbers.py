@@ -111,6 +111,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
 def _endurance(found: Endurance) -> dict[str, Any]:
     criteria = found.criteria
     values = {
+        "axial_stress_amplitude_MPa": 0.5 * np.ptp(found.stress[:, :, MM], axis=1),
         "crossland": criteria.crossland,
         "dang_van": criteria.dang_van,
         "findley": criteria.findley,
