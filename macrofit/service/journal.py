@@ -76,7 +76,8 @@ class KeptRotation(Rotation):
     def __init__(self, *given: Any, kept: Kept) -> None:
         """What a rotation is given, and where its steps are kept."""
         super().__init__(*given)
-        self._kept, self.moments = kept, [self.rest()]
+        self._kept = kept
+        self.moments = deque([self.rest()], maxlen=self.steps + 1)  # as many as a revolution has
 
     def advance(self, start: Moment, time: float) -> Moment:
         """The fit at a later time, see `Rotation.advance`.

@@ -137,8 +137,7 @@ class Course:
         turned = None
         if self._rotation is not None and self._revolutions:
             turned = _turned(whole, found, residual, self._rotation, self._revolutions)
-        steps = 0 if self._rotation is None else self._rotation.steps
-        moments = [] if self._rotation is None else self._rotation.moments[-steps - 1 :]
+        moments = [] if self._rotation is None else list(self._rotation.moments)
         bonded = in_bending(whole, dict(enumerate(found)))
         return Service(whole=whole, bonded=bonded, turned=turned, moments=moments, ended=ended)
 
