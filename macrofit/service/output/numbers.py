@@ -84,7 +84,7 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
         "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
         "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
-        "opening_mm": float(wear.opening.max(initial=0.0)),
+        "opening_mm": float(wear.opening.max(initial=0.0)) + 0.0,  # no -0.0
     }
 
 
