@@ -288,8 +288,11 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
 @click.option("--bonded", is_flag=True, help="Only the linear solution where nothing slips; without a press.")
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-service.")
+@click.option("--resume", is_flag=True, help="Continue the computation in the folder after its last step.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path | None, quiet: bool) -> None:
+def service(
+    scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path | None, resume: bool, quiet: bool
+) -> None:
     """Press the wheel of SCENE on, let it go, and turn the wheelset under its loads: slip at the edges, and fatigue.
 
     The loads are those of the scene's table [service]. Writes service.json, tables along the seat and a figure.
@@ -298,7 +301,7 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-service")
-    with ending(comm, target, resumes=False):
+    with ending(comm, target, resumes=not bonded):
         from ..scene import load_scene
 
         resolved = load_scene(scene, overrides)
@@ -306,7 +309,7 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
             import_mesher()
         from ..service.run import carry_out_service
 
-        lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet)
+        lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet, resume=resume)
         say_lines(lines, quiet=quiet)
 
 

@@ -90,7 +90,8 @@ class HarmonicBody:
             free = sp.diags(1.0 - held)
             matrix = free @ turn.T @ self.stiffness.at(n) @ turn @ free + sp.diags(held)
             try:
-                self._factors[n] = factor(matrix.tocsr(), self.trace, 3)
+                # whole blocks: without the zeros of n = 0, where torsion stands alone, supernodes fall to pieces
+                self._factors[n] = factor(matrix.tobsr((3, 3)).tocsr(), self.trace, 3)
             except NotDefiniteError:
                 raise MeshError(
                     f"the stiffness of the {self.name} in harmonic {n} is not positive definite: check its supports"
@@ -99,11 +100,9 @@ class HarmonicBody:
 
     def _turn(self, n: int) -> sp.csr_matrix:
         """The amplitudes of the unknowns: b = -a + (a + b) on the axis for n = 1."""
-        turn = sp.identity(3 * len(self.space.nodes), format="lil")
-        if n == 1:
-            for node in np.flatnonzero(self.on_axis):
-                turn[3 * node + 1, 3 * node] = -1.0
-        return turn.tocsr()
+        size, axis = 3 * len(self.space.nodes), 3 * np.flatnonzero(self.on_axis if n == 1 else np.zeros(0))
+        tied = sp.csr_matrix((-np.ones(len(axis)), (axis + 1, axis)), shape=(size, size))
+        return (sp.identity(size, format="csr") + tied).tocsr()
 
     def solve(self, n: int, loads: ComplexArray) -> ComplexArray:
         """Displacements (3 nodes, k) [mm] under nodal loads (3 nodes, k) [N]."""
