@@ -68,6 +68,14 @@ class Rotation:
             here = self.advance(here, step / self.steps - 1.0)
         return here
 
+    def worn(self, here: Moment, depth: FloatArray) -> Moment:
+        """The fit that has lost a depth (m,) [mm], before it finds its equilibrium; the rotation goes on with it."""
+        closed = np.zeros_like(self.still)
+        closed[:, 0] = depth
+        change = self.kernel.respond(closed.reshape(len(closed), -1)).reshape(closed.shape)
+        self.still = self.still + change
+        return Moment(time=here.time, traction=here.traction + change, slip=here.slip)
+
     def revolve(self, start: Moment) -> Revolution:
         """A whole revolution from a time on.
 

@@ -44,7 +44,7 @@ KINDS = ("solid axle, long hub", "hollow axle", "short hub", "hollow axle, short
 BREAKS: list[str] = []
 """How the steps of this process broke the law."""
 REST: list[FloatArray] = []
-"""Tractions (K, 3, m) of the released fit, whose balance along the axle is the press's: of drawn slopes, not facets'."""
+"""Tractions (K, 3, m) of the released fit, whose balance along the axle is that of the press, by drawn slopes."""
 
 
 def main(words: Sequence[str]) -> int:
