@@ -5,8 +5,8 @@
 `wheelset` with a bore of 94.85 mm under the loads of its defaults, facets of 4 mm, corners of 0.5 mm: the defaults (28
 steps, harmonics up to 3, Nitsche's press) and one thing changed at a time. Slip is the range along the axle over the
 last revolution, 10 mm inside either end of the contact. Second table: what each revolution leaves of the slip, as a
-mean all around and as what differs from angle to angle, and how far tractions repeat. What it must show: friction
-work and slip at the defaults within 1 % of the finest; tractions that repeat within 1e-3 by the third revolution.
+mean all around and as what differs from angle to angle, and how far tractions repeat, in the largest shear. What it
+must show: friction work and slip at the defaults within 1 % of the finest; work that repeats within 1e-3.
 """
 
 from __future__ import annotations

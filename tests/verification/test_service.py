@@ -48,6 +48,26 @@ def test_third_revolution_repeats_the_second_and_is_a_wave() -> None:
     assert turned.fretting.wave_errors[0] < 5e-3
 
 
+def test_slip_around_the_axle_creeps_as_a_mean_twist_that_dies_away() -> None:
+    # where a place slips to and fro along the axle, friction lets a mean shear around it go a little each time: the
+    # twist that the rising loads left dies away over revolutions. Neither steps nor harmonics change it
+    turned = served("service.revolutions=5").turned
+    assert turned is not None
+    always, twists = turned.fretting.always, []
+    size = turned.fretting.axial_range.max()
+    for revolution in turned.revolutions[2:]:
+        first, last = revolution.moments[0], revolution.moments[-1]
+        left = (last.slip - first.slip)[:, 2, always] / size
+        twists.append(float(np.abs(left.mean(axis=0)).max()))
+        assert np.abs(left - left.mean(axis=0)).max() < 0.75 * twists[-1]
+        assert np.abs(last.traction - first.traction)[..., always].max() < 5e-3 * np.abs(first.traction[:, 1:]).max()
+    works = [revolution.friction_work for revolution in turned.revolutions[1:]]
+    assert works[1:] == pytest.approx(works[-1], rel=3e-4)
+    assert 1e-3 < twists[0] < 5e-3
+    assert twists[1] < 0.8 * twists[0]
+    assert twists[2] < 0.8 * twists[1]
+
+
 def test_every_point_obeys_the_law_of_friction() -> None:
     found = served()
     assert found.turned is not None
