@@ -37,6 +37,8 @@ ROUNDING = 1e-6
 """Pressure, in the largest one, that counts as none."""
 FORCES, MOMENTS = 1e-5, 1e-2
 """What may be missing in the balance of the wheel, in its loads; the bore's radius is not quite the seat's."""
+REPEATS, WORKS, LEAST_WORK = 1e-2, 1e-3, 100.0
+"""Change of traction over a revolution, in the largest; work missing in that of friction, or in as much [N mm]."""
 COMPUTED, DOUBTED, REFUSED, ENDED = "computed", "computed, doubted", "refused in a line", "ended in a line"
 TRACEBACK, ABORT, LATE, SILENT = "tracebacks", "aborts", f"unfinished in {MOST_CPU_S} s", "wrong without a word"
 GOOD, BAD = (COMPUTED, DOUBTED, REFUSED, ENDED), (TRACEBACK, ABORT, LATE, SILENT)
@@ -222,9 +224,22 @@ def held(found: Service) -> tuple[str, str]:
         wrong += [text for moment in revolution.moments for text in out_of_balance(found, moment)]
         if not revolution.friction_work >= -1e-6:
             wrong.append(f"friction gives {revolution.friction_work:.3g} N mm")
+    if not doubts:
+        wrong += unsteady(found.turned.revolutions[-1])
     if wrong:
         return SILENT, wrong[0]
     return (DOUBTED, "; ".join(doubts)) if doubts else (COMPUTED, "")
+
+
+def unsteady(last: rotation.Revolution) -> list[str]:
+    """What a revolution that nobody doubts does not repeat."""
+    ends = [last.moments[k].traction for k in (0, -1)]
+    change, pressure = float(np.abs(ends[1] - ends[0]).max()), float(np.abs(ends[0]).max())
+    out = [f"tractions change by {change:.3g} MPa of {pressure:.3g}"] if change > REPEATS * pressure else []
+    missing = abs(last.load_work - last.friction_work)
+    if missing > WORKS * max(last.friction_work, LEAST_WORK):
+        out.append(f"work of the loads {last.load_work:.4g}, of friction {last.friction_work:.4g} N mm")
+    return out
 
 
 def out_of_balance(found: Service, moment: rotation.Moment) -> list[str]:
