@@ -44,7 +44,7 @@ def depth_of(revolution: Revolution, coefficient: float) -> FloatArray:
 
 def mean_pressure(revolution: Revolution) -> FloatArray:
     """Mean pressure (m,) [MPa] of a revolution, all around."""
-    return -np.mean([moment.traction[:, 0] for moment in revolution.moments[1:]], axis=(0, 1))
+    return np.asarray(-np.mean([moment.traction[:, 0] for moment in revolution.moments[1:]], axis=(0, 1)))
 
 
 def jump(revolution: Revolution, stiffness: FloatArray, coefficient: float, count: float) -> FloatArray:

@@ -15,7 +15,8 @@ import sys
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -159,7 +160,7 @@ def judge(overrides: list[str]) -> tuple[str, str]:
     """Press, release and turn; what became of it, and why."""
     BREAKS.clear()
     REST.clear()
-    rotation.solve_step = checked_step
+    rotation.solve_step, rotation.search_step = (partial(checked_step, each) for each in STEPS)
     rotation.Rotation.rest = noted_rest  # type: ignore[method-assign]
     try:
         with warnings.catch_warnings():
@@ -174,7 +175,7 @@ def judge(overrides: list[str]) -> tuple[str, str]:
         return TRACEBACK, traceback.format_exc()
 
 
-SOLVE_STEP, AT_REST = rotation.solve_step, rotation.Rotation.rest
+STEPS, AT_REST = (rotation.solve_step, rotation.search_step), rotation.Rotation.rest
 
 
 def noted_rest(turning: rotation.Rotation) -> rotation.Moment:
@@ -184,9 +185,9 @@ def noted_rest(turning: rotation.Rotation) -> rotation.Moment:
     return moment
 
 
-def checked_step(kernel: Any, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
+def checked_step(step: Callable[..., Solved], kernel: Any, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
     """A step as ever, and what it breaks of the law."""
-    solved = SOLVE_STEP(kernel, law, still, guess)
+    solved = step(kernel, law, still, guess)
     if solved.converged:
         BREAKS.extend(broken(law, solved.traction, solved.slip))
     return solved

@@ -239,6 +239,30 @@ def test_a_guess_that_does_not_help_is_not_tried_first_again(monkeypatch: pytest
     assert tried.count(False) < 0.2 * len(tried)
 
 
+def test_a_loose_wheel_that_tilts_and_opens_finds_its_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
+    # it touches at one end on top, at the other below; whole ways of Newton's method lose it at a tenth of the loads
+    loose = (
+        "wheel.bore_radius=94.9871", "wheel.hub_length=60", "wheel.web_thickness=18", "wheel.web_blend=6",
+        "friction.options.coefficient=0.25", "service.journal_force=1.1e6", "service.journal_moment=1.3e8",
+        "service.harmonics=2", "service.steps=5", "service.revolutions=1",
+    )  # fmt: skip
+    searched: list[bool] = []
+
+    def counted(*given: object) -> slipping.Solved:
+        solved = slipping.search_step(*given)  # type: ignore[arg-type]
+        searched.append(solved.converged)
+        return solved
+
+    monkeypatch.setattr(rotation, "search_step", counted)
+    found = serve(small(*loose))
+    assert found.turned is not None
+    assert found.turned.fretting.opening.min() > 0.05
+    assert any(searched)
+    monkeypatch.setattr(rotation, "search_step", slipping.solve_step)
+    with pytest.raises(ConvergenceError, match="no equilibrium was found"):
+        serve(small(*loose))
+
+
 def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
     with pytest.raises(ConvergenceError, match=r"no equilibrium was found beyond \d+% of the loads at"):
         serve(small("service.torque=1e9", "service.steps=7", "service.harmonics=1"))
