@@ -18,7 +18,7 @@ from macrofit.service.seat_stress import MM, MT, TT
 
 COARSE = (
     "mesh.seat_facet=6", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=15",
-    "wheel.bore_radius=94.85", "friction.options.coefficient=0.2",
+    "wheel.bore_radius=94.85", "friction.options.coefficient=0.2", "service.steps=28",
 )  # fmt: skip
 
 
