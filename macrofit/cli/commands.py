@@ -110,6 +110,11 @@ def asked_standard(named: str | None) -> Standard | None:
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
+@click.option(
+    "--service",
+    is_flag=True,
+    help="Turn each wheelset under its loads too, see `macrofit service`: slip, friction work, criteria.",
+)
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def study(
     scene: str,
@@ -120,6 +125,7 @@ def study(
     folder: Path | None,
     resume: bool,
     keep: bool,
+    service: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
@@ -131,6 +137,7 @@ def study(
     macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
+    macrofit study wheelset --service --vary friction.options.coefficient=0.1:0.6:0.1
     """  # noqa: D301 - click wants the character
     announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
@@ -145,7 +152,10 @@ def study(
             return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
 
         plan = made_by_first(comm, planned)
-        say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
+        carry_out = carry_out_study
+        if service:
+            from ..service.study import carry_out_service_study as carry_out
+        say_lines(carry_out(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
 @main.command()
@@ -438,10 +448,11 @@ def plot(folders: tuple[Path, ...], target: Path) -> None:
 @standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
 def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
-    """Write one HTML page of a run, or of a study: a file that opens without a network.
+    """Write one HTML page of a run, a study or a service computation: a file that opens without a network.
 
     It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
-    along the seat, balances and doubts, and what made it. Nothing is computed anew.
+    along the seat, balances and doubts, and what made it; of a wheelset in service its slip, friction work, criteria
+    and the verdict on its nominal stress. Nothing is computed anew.
     """
     from ..report import write_report
 

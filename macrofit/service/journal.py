@@ -20,7 +20,7 @@ from ..base.files import read_regular, remove_drafts, writing
 from ..base.log import Log, frame, frames
 from ..errors import OutputError
 from ..results.encoding import PackedArray, State, packed, unpacked
-from ..results.folder import prepare
+from ..results.folder import prepare, write_scene
 from ..results.journal import Journal, file_digests, is_journal, scene_digest
 from ..scene import Scene
 from .output import NUMBERS, RESULTS
@@ -76,7 +76,8 @@ class KeptRotation(Rotation):
     def __init__(self, *given: Any, kept: Kept) -> None:
         """What a rotation is given, and where its steps are kept."""
         super().__init__(*given)
-        self._kept, self.moments = kept, [self.rest()]
+        self._kept = kept
+        self.moments = deque([self.rest()], maxlen=self.steps + 1)  # as many as a revolution has
 
     def advance(self, start: Moment, time: float) -> Moment:
         """The fit at a later time, see `Rotation.advance`.
@@ -116,6 +117,7 @@ def open_folder(folder: Path, scene: Scene, *, resume: bool) -> Kept:
         make = _started
     try:
         remove_drafts(folder)
+        write_scene(folder, scene)
         log, found = make(rotation, _head(scene))
     except BaseException:
         journal.close()

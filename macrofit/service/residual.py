@@ -60,18 +60,22 @@ def restored(
 
 
 def pressed_and_released(
-    scene: Scene, friction: GivenFriction | None = None, journal: Journal | None = None
+    scene: Scene,
+    friction: GivenFriction | None = None,
+    journal: Journal | None = None,
+    assembly: Assembly | None = None,
 ) -> tuple[Residual, Mapping[str, Body]]:
     """Press the wheel on, let it go, and give what is left with the bodies; ``friction`` stands for the scene's.
 
-    The ``journal`` keeps the increments of the press, and gives back those of an interrupted one.
+    The ``journal`` keeps the increments of the press, and gives back those of an interrupted one; the ``assembly`` is
+    that of the same bodies, where it is there already.
 
     Raises:
         SceneError: the bodies never meet, or nothing holds the wheel.
         ConvergenceError: an increment cannot be solved, or no place without force is found.
     """
     scene = msgspec.structs.replace(scene, motion=msgspec.structs.replace(scene.motion, release=False))
-    assembly = assemble(scene, MPI.COMM_SELF)
+    assembly = assemble(scene, MPI.COMM_SELF) if assembly is None else assembly
     seat, wheel = assembly.seat, assembly.wheel
     check_approach(scene, seat.line.side, wheel.line.side)
     script = None if friction is None else ScriptFriction(friction)

@@ -7,16 +7,19 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 from mpi4py import MPI
 
-from ..assembly import discretise_bodies
+from ..assembly import Assembly, discretise_bodies
 from ..base.arrays import FloatArray
 from ..bodies.body import Body
 from ..errors import MacrofitError, OutputError, SceneError
 from ..friction import GivenFriction
 from ..monitor import lines_of_first
 from ..scene import Scene
+from ..solution import Journal
 from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
+from .harmonics import HarmonicBody
 from .history import Endurance, Fretting, endurance, fretting, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
@@ -24,7 +27,7 @@ from .limits import limits_of
 from .output.write import write_service
 from .residual import Residual, pressed_and_released, restored
 from .rotation import Moment, Revolution
-from .wheelset import Wheelset, service_keys, touching, wheelset
+from .wheelset import Wheelset, in_harmonics, service_keys, touching, wheelset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +52,44 @@ class Service:
     ended: str | None = None  # why it ended early
 
 
+class Shared:
+    """What computations of the same bodies have in common: factors, and the released fit where only loads differ."""
+
+    def __init__(self, assembly_of: Callable[[Scene], Assembly] | None = None) -> None:
+        """How the assembly of a scene is had, where it is kept."""
+        self._assembly_of = assembly_of
+        self._revolved: dict[str, tuple[Body, HarmonicBody]] = {}
+        self._last: tuple[Scene, Residual, Mapping[str, Body]] | None = None
+
+    def released(
+        self, scene: Scene, friction: GivenFriction | None, journal: Journal | None
+    ) -> tuple[Residual, Mapping[str, Body]]:
+        """The fit after the press, see `pressed_and_released`; the last one where all but the loads is the same.
+
+        Raises:
+            MacrofitError: see `pressed_and_released`.
+        """
+        if self._assembly_of is None:
+            return pressed_and_released(scene, friction, journal)
+        pressed = msgspec.structs.replace(scene, service=None)
+        if self._last is None or self._last[0] != pressed:
+            found = pressed_and_released(scene, friction, journal, self._assembly_of(scene))
+            self._last = pressed, *found
+        return self._last[1:]
+
+    def revolved(self, body: Body, name: str) -> HarmonicBody:
+        """The axle or the wheel in harmonics, with the factors that it has already."""
+        if name not in self._revolved or self._revolved[name][0] is not body:
+            self._revolved[name] = body, in_harmonics(body, name)
+        return self._revolved[name][1]
+
+
 class Course:
     """A service computation on its way; what it has can be judged at any time."""
 
-    def __init__(self, scene: Scene, say: Callable[[str], None], kept: Kept) -> None:
+    def __init__(self, scene: Scene, say: Callable[[str], None], kept: Kept, shared: Shared | None = None) -> None:
         self.scene, self._say, self._kept = scene, say, kept
+        self._shared = shared or Shared()
         self._begun: tuple[Wheelset, list[Harmonic], Residual] | None = None
         self._rotation: KeptRotation | None = None
         self._revolutions: list[Revolution] = []
@@ -67,7 +103,7 @@ class Course:
         limits_of(service_keys(self.scene), self.scene.axle.material)
         residual, bodies = self._released(friction)
         self._say(f"Released        at {residual.displacement:.6g} mm, after {residual.force / 1e3:.5g} kN")
-        whole, found = _with_harmonics(self.scene, residual, bodies)
+        whole, found = _with_harmonics(self.scene, residual, bodies, self._shared)
         self._begun = whole, found, residual
         self._turn(whole, found, residual)
         done = self.so_far()
@@ -79,7 +115,7 @@ class Course:
         if held is not None:
             bodies = discretise_bodies(self.scene, MPI.COMM_SELF)
             return restored(*held, bodies), bodies
-        residual, found = pressed_and_released(self.scene, friction, self._kept.press)
+        residual, found = self._shared.released(self.scene, friction, self._kept.press)
         self._kept.append(residual.scalars, residual.arrays)
         return residual, found
 
@@ -101,8 +137,7 @@ class Course:
         turned = None
         if self._rotation is not None and self._revolutions:
             turned = _turned(whole, found, residual, self._rotation, self._revolutions)
-        steps = 0 if self._rotation is None else self._rotation.steps
-        moments = [] if self._rotation is None else self._rotation.moments[-steps - 1 :]
+        moments = [] if self._rotation is None else list(self._rotation.moments)
         bonded = in_bending(whole, dict(enumerate(found)))
         return Service(whole=whole, bonded=bonded, turned=turned, moments=moments, ended=ended)
 
@@ -124,8 +159,10 @@ def serve(
     return Course(scene, say, Kept()).carry_out(friction)
 
 
-def _with_harmonics(scene: Scene, residual: Residual, bodies: Mapping[str, Body]) -> tuple[Wheelset, list[Harmonic]]:
-    pressed = wheelset(scene, bodies, residual.displacement, residual.coupling)
+def _with_harmonics(
+    scene: Scene, residual: Residual, bodies: Mapping[str, Body], shared: Shared
+) -> tuple[Wheelset, list[Harmonic]]:
+    pressed = wheelset(scene, bodies, residual.displacement, residual.coupling, shared.revolved)
     whole = touching(pressed, residual.gap)
     return whole, [one_harmonic(whole, n) for n in range(whole.loads.keys.harmonics + 1)]
 

@@ -12,7 +12,7 @@ from ...base.arrays import FloatArray
 from ...base.files import write_text
 from ...plasticity.material import hardening
 from ...results.doubts import doubtful_lines
-from ...results.versions import versions
+from ...results.versions import provenance, versions
 from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
 from ..fit import Fit
@@ -54,6 +54,7 @@ def numbers(found: Service) -> dict[str, Any]:
         "ended": found.ended,
         "scene": dump_scene(whole.scene),
         "versions": versions(),
+        "provenance": provenance(whole.scene),
     }
 
 
@@ -83,7 +84,7 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
         "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
         "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
-        "opening_mm": float(wear.opening.max(initial=0.0)),
+        "opening_mm": float(wear.opening.max(initial=0.0)) + 0.0,  # no -0.0
     }
 
 
@@ -110,6 +111,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
 def _endurance(found: Endurance) -> dict[str, Any]:
     criteria = found.criteria
     values = {
+        "axial_stress_amplitude_MPa": 0.5 * np.ptp(found.stress[:, :, MM], axis=1),
         "crossland": criteria.crossland,
         "dang_van": criteria.dang_van,
         "findley": criteria.findley,
