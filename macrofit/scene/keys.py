@@ -245,7 +245,7 @@ class ServiceKeys(Keys, frozen=True):
     ] = 3
     steps: Annotated[
         int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
-    ] = 28
+    ] = 56
     revolutions: Annotated[
         int,
         msgspec.Meta(ge=1, le=100),

@@ -9,6 +9,7 @@ unknowns of the fit (see `fit`), so that nothing rests on a pin where the loads 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -28,6 +29,15 @@ NEAR = 1e-9
 """Radius below which a node lies on the axis, in the largest radius of the body."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Condensed:
+    """What a fit needs of a body in one harmonic, once it is factored."""
+
+    compliance: FloatArray  # (3 line nodes, 3 line nodes) [mm/N]
+    loads: ComplexArray  # (3 nodes, 1) N
+    moved: ComplexArray  # (3 nodes, 1) mm, by these loads
+
+
 class HarmonicBody:
     """One body in harmonics; displacements and loads are (3 nodes, k) amplitudes, see `elements`."""
 
@@ -36,6 +46,7 @@ class HarmonicBody:
         self.space, self.material, self.trace, self.floats, self.name = space, material, trace, floats, name
         self._factors: dict[int, Factor] = {}
         self._compliances: dict[int, FloatArray] = {}
+        self._taken: dict[int, Condensed] = {}
 
     @cached_property
     def stiffness(self) -> Stiffness:
@@ -108,6 +119,9 @@ class HarmonicBody:
         """Displacements (3 nodes, k) [mm] under nodal loads (3 nodes, k) [N]."""
         if not loads.any():
             return np.zeros_like(loads)
+        taken = self._taken.get(n)
+        if taken is not None and np.array_equal(taken.loads, loads):
+            return taken.moved
         return np.asarray(self._solve(n, loads.real) + (1j * self._solve(n, loads.imag) if loads.imag.any() else 0.0j))
 
     def _solve(self, n: int, loads: FloatArray) -> FloatArray:
@@ -125,6 +139,19 @@ class HarmonicBody:
             matrix[:, held] = 0.0
             self._compliances[n] = matrix
         return self._compliances[n]
+
+    def condensed(self, n: int, loads: ComplexArray) -> Condensed:
+        """The harmonic for another rank, with what loads (nodes, 3) [N] move.
+
+        Raises:
+            MeshError: K_n is not positive definite.
+        """
+        column = loads.reshape(-1, 1)
+        return Condensed(compliance=self.compliance(n), loads=column, moved=self.solve(n, column))
+
+    def take(self, n: int, condensed: Condensed) -> None:
+        """Take the harmonic from another rank instead of factoring it."""
+        self._taken[n], self._compliances[n] = condensed, condensed.compliance
 
     def on_trace(self, displacement: Amplitudes) -> Amplitudes:
         """The amplitudes of the contact line (3 line nodes, k) of those of all nodes (3 nodes, k)."""

@@ -12,14 +12,16 @@ from mpi4py import MPI
 
 from ..assembly import Assembly, discretise_bodies
 from ..base.arrays import FloatArray
+from ..base.ranks import raise_together
 from ..bodies.body import Body
-from ..errors import MacrofitError, OutputError, SceneError
+from ..errors import MacrofitError, OutputError
 from ..friction import GivenFriction
 from ..monitor import lines_of_first
 from ..scene import Scene
 from ..solution import Journal
 from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
 from .harmonics import HarmonicBody
+from .helpers import Helpers, help_first
 from .history import Endurance, Fretting, endurance, fretting, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
@@ -55,9 +57,13 @@ class Service:
 class Shared:
     """What computations of the same bodies have in common: factors, and the released fit where only loads differ."""
 
-    def __init__(self, assembly_of: Callable[[Scene], Assembly] | None = None) -> None:
-        """How the assembly of a scene is had, where it is kept."""
-        self._assembly_of = assembly_of
+    def __init__(
+        self,
+        assembly_of: Callable[[Scene], Assembly] | None = None,
+        make: Callable[[Body, str], HarmonicBody] = in_harmonics,
+    ) -> None:
+        """How the assembly of a scene is had, where it is kept, and how a body in harmonics is made."""
+        self._assembly_of, self._make = assembly_of, make
         self._revolved: dict[str, tuple[Body, HarmonicBody]] = {}
         self._last: tuple[Scene, Residual, Mapping[str, Body]] | None = None
 
@@ -80,7 +86,7 @@ class Shared:
     def revolved(self, body: Body, name: str) -> HarmonicBody:
         """The axle or the wheel in harmonics, with the factors that it has already."""
         if name not in self._revolved or self._revolved[name][0] is not body:
-            self._revolved[name] = body, in_harmonics(body, name)
+            self._revolved[name] = body, self._make(body, name)
         return self._revolved[name][1]
 
 
@@ -196,18 +202,35 @@ def carry_out_service(
 ) -> list[str]:
     """Compute, write into ``folder``, and give the lines for people; what ends early leaves there what it has.
 
+    Collective: other ranks condense harmonics for the first, which computes and writes; they give no lines.
+
     Raises:
-        MacrofitError: the scene, the press or the rotation; or more than one rank.
+        MacrofitError: the scene, the press or the rotation.
     """
-    if comm.size > 1:
-        raise SceneError(f"service: works on one rank, and there are {comm.size}; leave mpirun out")
     if bonded and resume:
         raise OutputError("--resume: a bonded solution has no steps to go on from; leave it out")
+    lines: list[str] = []
+    with raise_together(comm):
+        if comm.rank > 0:
+            if not bonded:
+                help_first(comm, scene)
+        elif bonded or comm.size == 1:
+            lines = _carried_out(scene, comm, folder, Shared(), bonded=bonded, quiet=quiet, resume=resume)
+        else:
+            with Helpers(comm, scene) as helpers:
+                shared = Shared(make=helpers.revolved)
+                lines = _carried_out(scene, comm, folder, shared, bonded=bonded, quiet=quiet, resume=resume)
+    return lines
+
+
+def _carried_out(
+    scene: Scene, comm: MPI.Comm, folder: Path, shared: Shared, *, bonded: bool, quiet: bool, resume: bool
+) -> list[str]:
     with open_folder(folder, scene, resume=resume) as kept:
         if bonded:
             lines = write_service(folder, bonded_only(scene))
         else:
-            course = Course(scene, lines_of_first(comm, quiet=quiet), kept)
+            course = Course(scene, lines_of_first(comm, quiet=quiet), kept, shared)
             try:
                 found = course.carry_out()
             except (MacrofitError, KeyboardInterrupt) as error:

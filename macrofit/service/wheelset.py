@@ -123,7 +123,7 @@ def wheelset(
     penalty = ContactKeys(formulation="penalty", penalty_stiffness=stiffness)
     gamma = gamma_of(penalty, line.material.youngs_modulus, line.length)
     fit = Fit(axle, wheel, lines, coupling, gamma, every)
-    return Wheelset(scene=scene, displacement=where, fit=fit, loads=_loads(keys, axle, wheel, where))
+    return Wheelset(scene=scene, displacement=where, fit=fit, loads=loads_of(keys, axle, wheel, where))
 
 
 def in_harmonics(body: Body, name: str) -> HarmonicBody:
@@ -132,7 +132,8 @@ def in_harmonics(body: Body, name: str) -> HarmonicBody:
     return HarmonicBody(body.space, body.material, trace, floats=name == "wheel", name=name)
 
 
-def _loads(keys: ServiceKeys, axle: HarmonicBody, wheel: HarmonicBody, displacement: float) -> Loads:
+def loads_of(keys: ServiceKeys, axle: HarmonicBody, wheel: HarmonicBody, displacement: float) -> Loads:
+    """The loads on the bodies, the wheel pressed to a displacement [mm]."""
     face = front_face(axle.space)
     node = rim_node(wheel.space, keys.rim_offset)
     radius, z = wheel.space.nodes[node].tolist()
