@@ -139,7 +139,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One step."""
+    """What one step has to solve."""
 
     kernel: Kernel
     law: Law
