@@ -74,13 +74,14 @@ PAIRS = {"1000": "24", "100": "2"}
 def toy(words: list[str]) -> list[str]:
     """A command that does the same in little: a short way, coarse meshes, few spheres, few pairs."""
     program, command, *rest = words
+    if program == "macrofit" and (command == "service" or "--service" in rest):
+        rest = [word.replace("=0.1:0.3:0.05", "=0.2,0.4").replace("=1:200", "=1:2") for word in rest]
+        return [program, command, *rest, *(word for key in SERVICE_KEYS for word in ("--set", key))]
     if program == "macrofit" and command in ("run", "study", "identify", "converge"):
         for large, small in SMALLER.items():
             rest = [word.replace(large, small) for word in rest]
         coarse = ["--set", "mesh.seat_facet=4"] if command == "converge" else ["--preset", "fast"]
         return [program, command, *rest, *([] if "--preset" in rest else coarse), *SHORT]
-    if program == "macrofit" and command == "service":
-        return [program, command, *rest, *(word for key in SERVICE_KEYS for word in ("--set", key))]
     if program == "macrofit-meso" and command in ("run", "sample"):
         quick = "engine.speed=200000" if "as-published" in rest else "engine.increment=0.05"
         return [program, command, *rest, *LIGHT_PLATES, "--set", quick, *(["--no-figures"] * (command == "run"))]

@@ -21,12 +21,17 @@ def grid(
     inner: float, outer: float, length: float, across: int, along: int, *, both_held: bool = False
 ) -> Discretisation:
     """A ring or a solid shaft (inner = 0), z from 0 to its held end, in 2 across along triangles of order 2."""
-    r, z = np.linspace(inner, outer, across + 1), np.linspace(0.0, length, along + 1)
+    return mesh_of(np.linspace(inner, outer, across + 1), np.linspace(0.0, length, along + 1), both_held=both_held)
+
+
+def mesh_of(r: FloatArray, z: FloatArray, *, both_held: bool = False, inside: bool = False) -> Discretisation:
+    """The same between given radii and places; its contact line is the outer surface, or the one ``inside``."""
     points = np.stack(np.meshgrid(r, z, indexing="ij"), axis=2).reshape(-1, 2)
-    number = np.arange(len(points)).reshape(across + 1, along + 1)
+    number = np.arange(len(points)).reshape(len(r), len(z))
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     triangles = np.concatenate([np.stack(cell, axis=2).reshape(-1, 3) for cell in ((a, b, c), (a, c, d))])
-    lines = {"seat": [number[-1]], "held": [number[:, -1], *([number[:, 0]] if both_held else [])]}
+    held = [number[:, -1], *([number[:, 0]] if both_held else [])]
+    lines = {"seat": [number[0 if inside else -1]], "held": held}
     edges = {
         name: np.array([pair for line in parts for pair in pairwise(line.tolist())]) for name, parts in lines.items()
     }

@@ -111,6 +111,11 @@ def asked_standard(named: str | None) -> Standard | None:
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-study.")
 @click.option("--resume", is_flag=True, help="Compute only the runs that the folder does not hold yet.")
 @click.option("--keep", is_flag=True, help="Write the whole folder of each run, in runs/.")
+@click.option(
+    "--service",
+    is_flag=True,
+    help="Turn each wheelset under its loads too, see `macrofit service`: slip, friction work, criteria.",
+)
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def study(
     scene: str,
@@ -121,6 +126,7 @@ def study(
     folder: Path | None,
     resume: bool,
     keep: bool,
+    service: bool,
     quiet: bool,
 ) -> None:
     """Run SCENE with several values of its keys; under mpirun the runs are dealt to the ranks.
@@ -132,6 +138,7 @@ def study(
     macrofit study wheelset --set friction.provider=surrogate --reference uniform=0.11 \\
         --vary friction.options.micro_friction=0.01,0.03,0.05,0.07,0.09
     mpirun -n 2 macrofit study wheelset --set friction.provider=surrogate --vary friction.options.seed=1:200
+    macrofit study wheelset --service --vary friction.options.coefficient=0.1:0.6:0.1
     """  # noqa: D301 - click wants the character
     announce(loading(scene), quiet=quiet)
     from mpi4py import MPI
@@ -146,7 +153,10 @@ def study(
             return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
 
         plan = made_by_first(comm, planned)
-        say_lines(carry_out_study(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
+        carry_out = carry_out_study
+        if service:
+            from ..service.study import carry_out_service_study as carry_out
+        say_lines(carry_out(plan, comm, target, resume=resume, keep=keep, quiet=quiet), quiet=quiet)
 
 
 @main.command()
@@ -289,8 +299,11 @@ def converge(scene: str, tolerance: float, overrides: tuple[str, ...], folder: P
 @click.option("--bonded", is_flag=True, help="Only the linear solution where nothing slips; without a press.")
 @changes
 @click.option("-o", "--output", "folder", type=FILE, help="Folder [the scene's name]-service.")
+@click.option("--resume", is_flag=True, help="Continue the computation in the folder after its last step.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path | None, quiet: bool) -> None:
+def service(
+    scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path | None, resume: bool, quiet: bool
+) -> None:
     """Press the wheel of SCENE on, let it go, and turn the wheelset under its loads: slip at the edges, and fatigue.
 
     The loads are those of the scene's table [service]. Writes service.json, tables along the seat and a figure.
@@ -299,7 +312,7 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
     from mpi4py import MPI
 
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-service")
-    with ending(comm, target, resumes=False):
+    with ending(comm, target, resumes=not bonded):
         from ..scene import load_scene
 
         resolved = load_scene(scene, overrides)
@@ -307,7 +320,7 @@ def service(scene: str, bonded: bool, overrides: tuple[str, ...], folder: Path |
             import_mesher()
         from ..service.run import carry_out_service
 
-        lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet)
+        lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet, resume=resume)
         say_lines(lines, quiet=quiet)
 
 
@@ -439,10 +452,11 @@ def plot(folders: tuple[Path, ...], target: Path) -> None:
 @standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
 def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
-    """Write one HTML page of a run, or of a study: a file that opens without a network.
+    """Write one HTML page of a run, a study or a service computation: a file that opens without a network.
 
     It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
-    along the seat, balances and doubts, and what made it. Nothing is computed anew.
+    along the seat, balances and doubts, and what made it; of a wheelset in service its slip, friction work, criteria
+    and the verdict on its nominal stress. Nothing is computed anew.
     """
     from ..report import write_report
 

@@ -172,11 +172,17 @@ def _style(k: int, references: int, *, few: bool) -> dict[str, Any]:
 
 
 def _legend(labels: Sequence[str], references: int) -> Markup:
+    styles = [_style(k, references, few=True) for k in range(len(labels))]
+    return legend([(label, each["colour"], each["dash"]) for label, each in zip(labels, styles, strict=True)])
+
+
+def legend(curves: Sequence[tuple[str, str, str]]) -> Markup:
+    """A list of what curves are called, each with its colour and dashes."""
     keys = [
         Markup('<li><svg viewBox="0 0 36 10" class="key">{}</svg>{}</li>').format(
-            path("M0 5H36", **_style(k, references, few=True)), label
+            path("M0 5H36", colour, dash=dash), label
         )
-        for k, label in enumerate(labels)
+        for label, colour, dash in curves
     ]
     return Markup('<ul class="legend">{}</ul>').format(Markup("").join(keys))
 

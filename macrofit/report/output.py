@@ -10,7 +10,7 @@ from ..results.folder import SCENE, SUMMARY
 from .page import MOST_BYTES, rendered
 from .pdf import write_pdf
 
-STUDY = "study.json"
+STUDY, SERVICE = "study.json", "service.json"
 NAME = "report.html"
 
 
@@ -22,17 +22,19 @@ def write_report(
     standard: str | None = None,
     wheel: str | None = None,
 ) -> list[str]:
-    """Write the page of a run or of a study, and with ``pdf`` a PDF of it beside it; gives the lines that say so.
+    """Write the page of a run, a study or a service computation, and with ``pdf`` a PDF of it beside it.
+
+    Gives the lines that say so.
 
     Args:
-        folder: what `macrofit run` or `macrofit study` has written.
+        folder: what `macrofit run`, `macrofit study` or `macrofit service` has written.
         target: the file [report.html in the folder].
         pdf: print it too; a browser or weasyprint does that.
         standard: a standard of this name, or of this file, in place of that of the run's verdict.
         wheel: type of wheel in it.
 
     Raises:
-        MacrofitError: the folder holds neither, its files are damaged, or nothing here can make a PDF (the page is
+        MacrofitError: the folder holds none of them, its files are damaged, or nothing here can make a PDF (the page is
             written all the same).
     """
     target = target or folder / NAME
@@ -48,8 +50,15 @@ def write_report(
 
 
 def _page(folder: Path, standard: str | None, wheel: str | None) -> str:
+    judged = standard is not None or wheel is not None
+    if (folder / SERVICE).is_file():
+        if judged:
+            raise OutputError(f"{folder}: is no press fit alone, but its service; leave --standard and --wheel out")
+        from .service import service_page
+
+        return rendered("service.html", service_page(folder))
     if (folder / STUDY).is_file():
-        if standard is not None or wheel is not None:
+        if judged:
             raise OutputError(f"{folder}: is a study, whose runs are judged already; leave --standard and --wheel out")
         from .study import study_page
 
@@ -69,7 +78,7 @@ def _check_run(folder: Path) -> None:
         OutputError: it is not.
     """
     if not folder.is_dir():
-        raise OutputError(f"{folder}: is no folder; give one that macrofit run or macrofit study has written")
+        raise OutputError(f"{folder}: is no folder; give one that macrofit run, study or service has written")
     if not (folder / SCENE).is_file():
         raise OutputError(f"{folder}: holds no run of macrofit ({SCENE} is missing) and no study ({STUDY} is missing)")
     if not (folder / SUMMARY).is_file():

@@ -21,6 +21,7 @@ CAPTIONS = {
     "stress.png": "Von Mises stress on the deformed section",
     "stress_entrance.png": "Von Mises stress at the seat's ends",
     "friction.png": "Coefficient of friction along the seat, and of the pairs of tiles met",
+    "service.png": "Bending stress, slip over place and angle, criteria, and a revolution where friction works most",
     "distributions.png": "Distributions of the runs",
 }
 """Pictures of a folder that its page shows, in this order; the others are drawn anew."""

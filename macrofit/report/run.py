@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,12 @@ from ..acceptance import Verdict, judge_scene, load_standard
 from ..base.arrays import FloatArray
 from ..base.figure import BLUE, VERMILION
 from ..base.progress import printable
-from ..errors import MacrofitError
 from ..results.curves import without_rounding
 from ..results.folder import CURVE, INTERFACE, SCENE, SUMMARY, read_table
 from ..scene import Scene, load_scene
 from .chart import Frame, Window, bands, curve_frame, names, path
-from .page import Numbers, inline, pictures, read_json
+from .inputs import drawn_section, keys_of
+from .page import Numbers, pictures, read_json
 from .seat import read_seat, seat_view
 
 NEEDED = ("peak_force_N", "max_von_mises_MPa", "verdict", "doubts", "counters", "versions", "energy_balance")
@@ -59,7 +59,7 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
     frame = curve_frame(clear["displacement_mm"], clear["force_N"] / 1e3)
     seat = read_seat(folder / INTERFACE, len(curve["force_N"]))
     view = None if seat is None else seat_view(seat, curve, frame)
-    section, no_section = _section(scene)
+    section, no_section = drawn_section(scene)
     shown, left_out = pictures(folder, MOST_PICTURES)
     return {
         "title": printable(scene.title) or folder.resolve().name,
@@ -69,7 +69,7 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
         "verdict": verdict,
         "section": section,
         "no_section": no_section,
-        "keys": list(_keys(scene)),
+        "keys": list(keys_of(scene)),
         "curve": _curve(clear, frame, verdict, Markup("") if view is None else view["dot"]),
         "seat": view,
         "pictures": shown,
@@ -116,40 +116,3 @@ def _judged(
     rules = load_standard(standard)
     verdict, _ = judge_scene(scene, curve["displacement_mm"], curve["force_N"], largest, rules, wheel)
     return None if verdict is None else msgspec.to_builtins(verdict)
-
-
-def _section(scene: Scene) -> tuple[Markup, str]:
-    """The section drawn, or why it is not."""
-    from ..figures.section import section
-
-    try:
-        return inline(section(scene)), ""
-    except MacrofitError as error:
-        return Markup(""), str(error)
-
-
-def _keys(scene: Scene) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """The tables of the scene, each with its keys and their values."""
-    tables = msgspec.to_builtins(scene)
-    plain = [(key, _said(value)) for key, value in tables.items() if not isinstance(value, dict) and key != "title"]
-    yield "scene", plain
-    for table, keys in tables.items():
-        if isinstance(keys, dict):
-            yield table, [(key, _said(value)) for key, value in _flat(keys, "")]
-
-
-def _flat(tables: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:
-    for key, value in tables.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{key}.")
-        elif value is not None:
-            yield f"{before}{key}", value
-
-
-def _said(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        shown = ", ".join(_said(each) for each in value[:8])
-        return f"{shown}, ... ({len(value)} in all)" if len(value) > 8 else shown
-    return f"{value:.10g}" if isinstance(value, float) else printable(str(value))

@@ -22,7 +22,9 @@ _CAST = {"float": float, "int": int, "bool": bool}
 _SCALARS = {item.name: _CAST[str(item.type)] for item in fields(Increment) if item.name != "facets"}
 
 
-class _Array(msgspec.Struct, array_like=True):
+class PackedArray(msgspec.Struct, array_like=True):
+    """An array as its type, shape and bytes."""
+
     dtype: str
     shape: tuple[int, ...]
     data: bytes
@@ -30,8 +32,8 @@ class _Array(msgspec.Struct, array_like=True):
 
 class _Record(msgspec.Struct, array_like=True):
     scalars: dict[str, bool | int | float]
-    facets: dict[str, _Array]
-    state: dict[str, _Array]
+    facets: dict[str, PackedArray]
+    state: dict[str, PackedArray]
 
 
 _DECODER = msgspec.msgpack.Decoder(_Record)
@@ -41,7 +43,7 @@ def encode(record: Increment, state: Mapping[str, FloatArray | IntArray]) -> byt
     """An increment and the state after it. Raises TypeError for an array that is not of numbers."""
     scalars = {name: cast(getattr(record, name)) for name, cast in _SCALARS.items()}
     facets = {item.name: getattr(record.facets, item.name) for item in fields(FacetState)}
-    return msgspec.msgpack.encode(_Record(scalars, _packed(facets), _packed(state)))
+    return msgspec.msgpack.encode(_Record(scalars, packed(facets), packed(state)))
 
 
 def decode(content: bytes) -> tuple[Increment, State]:
@@ -49,25 +51,27 @@ def decode(content: bytes) -> tuple[Increment, State]:
     try:
         record = _DECODER.decode(content)
         scalars: dict[str, Any] = {name: cast(record.scalars[name]) for name, cast in _SCALARS.items()}
-        facets: dict[str, Any] = _unpacked(record.facets)
-        return Increment(**scalars, facets=FacetState(**facets)), _unpacked(record.state)
+        facets: dict[str, Any] = unpacked(record.facets)
+        return Increment(**scalars, facets=FacetState(**facets)), unpacked(record.state)
     except (msgspec.MsgspecError, TypeError, KeyError) as error:
         raise ValueError(f"not an increment: {error}") from None
 
 
-def _packed(arrays: Mapping[str, FloatArray | IntArray]) -> dict[str, _Array]:
-    packed = {}
+def packed(arrays: Mapping[str, FloatArray | IntArray]) -> dict[str, PackedArray]:
+    """Named arrays as bytes. Raises TypeError for one that is not of numbers."""
+    found = {}
     for name, values in arrays.items():
         array = np.asarray(values)
         if array.dtype.kind not in "biuf":
             raise TypeError(f"array '{name}' is of {array.dtype}, not of numbers")
-        packed[name] = _Array(array.dtype.str, array.shape, array.tobytes())
-    return packed
+        found[name] = PackedArray(array.dtype.str, array.shape, array.tobytes())
+    return found
 
 
-def _unpacked(packed: Mapping[str, _Array]) -> State:
+def unpacked(arrays: Mapping[str, PackedArray]) -> State:
+    """The inverse of `packed`. Raises ValueError for bytes that are no such array."""
     # frombuffer gives views that cannot be written, and the solver may change its state in place
     return {
         name: np.frombuffer(item.data, dtype=np.dtype(item.dtype)).reshape(item.shape).copy()
-        for name, item in packed.items()
+        for name, item in arrays.items()
     }

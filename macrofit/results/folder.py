@@ -7,7 +7,8 @@ is not empty is refused, so that nothing of the user's is overwritten.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,29 +164,40 @@ def write_interface(
     ``seat`` (facets + 1,) are the facet ends [mm]; unknown (None, or another number) they are left as NaN. The group
     `pairs` has the pairs of tiles met, where the run had any: tile numbers, coefficient, uncertainty.
     """
-    import h5py
-
     facets = len(records[0].facets.pressure) if records else 0
     if seat is None or len(seat) != facets + 1:
         seat = np.full(facets + 1, np.nan)
     line = {"facet_start": seat[:-1], "facet_end": seat[1:]}
     middle = 0.5 * (seat[:-1] + seat[1:])
-    # built in memory: where HDF5 itself meets a full disk it does not always come back
-    with h5py.File(INTERFACE, "w", driver="core", backing_store=False) as file:
+    with h5_file(folder / INTERFACE) as file:
         file.attrs["title"] = scene.title
         file.attrs["coordinate"] = "z" if scene.direction == "radial" else "r"
-        _dataset(file, "displacement", np.array([record.displacement for record in records]), "mm")
+        dataset(file, "displacement", np.array([record.displacement for record in records]), "mm")
         for name, values in line.items():
-            _dataset(file, name, values, "mm")
-        _dataset(file, "z", np.broadcast_to(middle, (len(records), facets)), "mm")
+            dataset(file, name, values, "mm")
+        dataset(file, "z", np.broadcast_to(middle, (len(records), facets)), "mm")
         for item in fields(FacetState):
             rows = [getattr(record.facets, item.name) for record in records]
-            _dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
+            dataset(file, item.name, np.array(rows).reshape(len(records), facets), UNITS[item.name])
         if friction is not None and friction.seat.size:
             _write_pairs(file.create_group("pairs"), friction)
+
+
+@contextmanager
+def h5_file(path: Path) -> Iterator[Any]:
+    """A file of HDF5 that is put in place whole at the end of the `with` block.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    import h5py
+
+    # built in memory: where HDF5 itself meets a full disk it does not always come back
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        yield file
         file.flush()
         image = file.id.get_file_image()
-    with replacing(folder / INTERFACE) as draft:
+    with replacing(path) as draft:
         draft.write_bytes(image)
 
 
@@ -198,11 +210,12 @@ def _write_pairs(group: Any, friction: PairFrictionMap) -> None:
     group.attrs["lasting"] = friction.lasting
     units = {"seat": "tile, from the seat's start", "bore": "tile, from the leading edge"}
     for name in ("seat", "bore", "coefficient", "uncertainty"):
-        _dataset(group, name, getattr(friction, name), units.get(name, "1"))
+        dataset(group, name, getattr(friction, name), units.get(name, "1"))
 
 
-def _dataset(file: Any, name: str, values: Any, unit: str) -> None:
-    squeezed = {"compression": "gzip", "compression_opts": 1} if values.ndim == 2 and values.size else {}
+def dataset(file: Any, name: str, values: Any, unit: str) -> None:
+    """Add values with their unit to a file or group of HDF5, those of several axes compressed."""
+    squeezed = {"compression": "gzip", "compression_opts": 1} if values.ndim > 1 and values.size else {}
     file.create_dataset(name, data=values, **squeezed).attrs["unit"] = unit
 
 

@@ -245,18 +245,33 @@ class ServiceKeys(Keys, frozen=True):
     ] = 3
     steps: Annotated[
         int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
-    ] = 28
+    ] = 56
     revolutions: Annotated[
         int,
         msgspec.Meta(ge=1, le=100),
         told("Revolutions that are followed, behind the one in which the loads come up [-]."),
     ] = 3
     bending_limit: Annotated[
-        Positive, told("What the axle's steel bears for ever in reversed bending, without fretting [MPa].")
-    ] = 200.0
+        Positive | None,
+        told(
+            "What the axle's steel bears for ever in reversed bending, without fretting [MPa]; left out: of its grade, "
+            "or 200."
+        ),
+    ] = None
     torsion_limit: Annotated[
         Positive | None,
         told("The same in reversed torsion, above 1/2 and below 1 of bending_limit [MPa]; left out: 0.6 of it."),
+    ] = None
+    seat_limit: Annotated[
+        Positive | None,
+        told(
+            "Nominal bending stress that a seat under a wheel bears for ever, fretting included [MPa]; left out: of "
+            "the axle's grade."
+        ),
+    ] = None
+    safety: Annotated[
+        Annotated[float, msgspec.Meta(ge=1.0)] | None,
+        told("Security factor by which seat_limit is divided [-]; left out: of the axle's grade, or 1."),
     ] = None
 
 

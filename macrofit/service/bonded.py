@@ -7,6 +7,7 @@ grows towards the edges: for a sharp bonded edge of a right angle on a half plan
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +51,7 @@ class Edge:
 class Bonded:
     """The bonded solution under the loads at the angle 0."""
 
-    harmonics: list[Harmonic]
+    harmonics: Mapping[int, Harmonic]  # those that were asked for, n = 1 among them
     z: FloatArray  # (facets,) middles of the seat's facets [mm]
     nominal: FloatArray  # (facets,) MPa
     bending: FloatArray  # (facets,) axial stress of n = 1, positive as the nominal one [MPa]
@@ -75,13 +76,16 @@ def seat_stress(whole: Wheelset, n: int, traction: ComplexArray, moved: ComplexA
     return surface_stress(line, n, fit.line_displacement(n, traction) + moved, means)
 
 
-def bonded_solution(whole: Wheelset, harmonics: int) -> Bonded:
-    """The bonded solution in the harmonics 0 to ``harmonics``."""
-    found = [one_harmonic(whole, n) for n in range(harmonics + 1)]
-    return in_bending(whole, found)
+def bonded_solution(whole: Wheelset) -> Bonded:
+    """The bonded solution in the harmonics that bend, push or twist the axle: 1, and 0 where a load needs it."""
+    keys = whole.loads.keys
+    wanted = (0, 1) if keys.lateral_force or keys.torque else (1,)
+    for body in (whole.fit.axle, whole.fit.wheel):
+        body.single = len(wanted) == 1
+    return in_bending(whole, {n: one_harmonic(whole, n) for n in wanted})
 
 
-def in_bending(whole: Wheelset, found: list[Harmonic]) -> Bonded:
+def in_bending(whole: Wheelset, found: Mapping[int, Harmonic]) -> Bonded:
     """What the harmonics of the bonded solution say of the bending of the axle."""
     coordinate = whole.fit.lines[0].coordinate
     z = 0.5 * (coordinate[1:] + coordinate[:-1])

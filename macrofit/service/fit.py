@@ -137,8 +137,9 @@ class Fit:
 
     def line_displacement(self, n: int, traction: ComplexArray) -> ComplexArray:
         """Amplitudes (line nodes, 3) of the seat [mm] under tractions (3 m,) [MPa]."""
-        forces = self.seat_rows.T @ (np.tile(self.weight, 3) * traction)
-        return np.asarray(self.axle.compliance(n) @ forces).reshape(-1, 3)
+        forces = np.ascontiguousarray(self.seat_rows.T @ (np.tile(self.weight, 3) * traction))
+        parts = self.axle.compliance(n) @ forces.view(np.float64).reshape(-1, 2)  # the matrix stays real
+        return np.ascontiguousarray(parts).view(np.complex128).reshape(-1, 3)
 
 
 def seat_moments(line: ContactLine, portions: CoveredFacets) -> sp.csr_matrix:

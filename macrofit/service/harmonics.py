@@ -9,6 +9,7 @@ unknowns of the fit (see `fit`), so that nothing rests on a pin where the loads 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -20,12 +21,21 @@ from ..base.cholmod import Factor, NotDefiniteError, factor
 from ..bodies.fenics import Discretisation
 from ..errors import MeshError
 from ..scene.material import Material
-from .elements import ComplexArray, Stiffness, assemble_harmonics
+from .elements import ComplexArray, Stiffness, assemble_harmonic, assemble_harmonics
 
 Amplitudes = TypeVar("Amplitudes", FloatArray, ComplexArray)
 
 NEAR = 1e-9
 """Radius below which a node lies on the axis, in the largest radius of the body."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condensed:
+    """What a fit needs of a body in one harmonic, once it is factored."""
+
+    compliance: FloatArray  # (3 line nodes, 3 line nodes) [mm/N]
+    loads: ComplexArray  # (3 nodes, 1) N
+    moved: ComplexArray  # (3 nodes, 1) mm, by these loads
 
 
 class HarmonicBody:
@@ -36,11 +46,16 @@ class HarmonicBody:
         self.space, self.material, self.trace, self.floats, self.name = space, material, trace, floats, name
         self._factors: dict[int, Factor] = {}
         self._compliances: dict[int, FloatArray] = {}
+        self._taken: dict[int, Condensed] = {}
+        self.single = False  # whether a single harmonic will be asked for
 
     @cached_property
     def stiffness(self) -> Stiffness:
         """K_0, K_1, K_2, assembled when first needed."""
         return assemble_harmonics(self.space, self.material)
+
+    def _stiffness_at(self, n: int) -> sp.csr_matrix:
+        return assemble_harmonic(self.space, self.material, n) if self.single else self.stiffness.at(n)
 
     @cached_property
     def on_axis(self) -> BoolArray:
@@ -88,9 +103,10 @@ class HarmonicBody:
             held = self.held(n).ravel().astype(np.float64)
             turn = self._turn(n)
             free = sp.diags(1.0 - held)
-            matrix = free @ turn.T @ self.stiffness.at(n) @ turn @ free + sp.diags(held)
+            matrix = free @ turn.T @ self._stiffness_at(n) @ turn @ free + sp.diags(held)
             try:
-                self._factors[n] = factor(matrix.tocsr(), self.trace, 3)
+                # whole blocks: without the zeros of n = 0, where torsion stands alone, supernodes fall to pieces
+                self._factors[n] = factor(matrix.tobsr((3, 3)).tocsr(), self.trace, 3)
             except NotDefiniteError:
                 raise MeshError(
                     f"the stiffness of the {self.name} in harmonic {n} is not positive definite: check its supports"
@@ -99,16 +115,17 @@ class HarmonicBody:
 
     def _turn(self, n: int) -> sp.csr_matrix:
         """The amplitudes of the unknowns: b = -a + (a + b) on the axis for n = 1."""
-        turn = sp.identity(3 * len(self.space.nodes), format="lil")
-        if n == 1:
-            for node in np.flatnonzero(self.on_axis):
-                turn[3 * node + 1, 3 * node] = -1.0
-        return turn.tocsr()
+        size, axis = 3 * len(self.space.nodes), 3 * np.flatnonzero(self.on_axis if n == 1 else np.zeros(0))
+        tied = sp.csr_matrix((-np.ones(len(axis)), (axis + 1, axis)), shape=(size, size))
+        return (sp.identity(size, format="csr") + tied).tocsr()
 
     def solve(self, n: int, loads: ComplexArray) -> ComplexArray:
         """Displacements (3 nodes, k) [mm] under nodal loads (3 nodes, k) [N]."""
         if not loads.any():
             return np.zeros_like(loads)
+        taken = self._taken.get(n)
+        if taken is not None and np.array_equal(taken.loads, loads):
+            return taken.moved
         return np.asarray(self._solve(n, loads.real) + (1j * self._solve(n, loads.imag) if loads.imag.any() else 0.0j))
 
     def _solve(self, n: int, loads: FloatArray) -> FloatArray:
@@ -126,6 +143,19 @@ class HarmonicBody:
             matrix[:, held] = 0.0
             self._compliances[n] = matrix
         return self._compliances[n]
+
+    def condensed(self, n: int, loads: ComplexArray) -> Condensed:
+        """The harmonic for another rank, with what loads (nodes, 3) [N] move.
+
+        Raises:
+            MeshError: K_n is not positive definite.
+        """
+        column = loads.reshape(-1, 1)
+        return Condensed(compliance=self.compliance(n), loads=column, moved=self.solve(n, column))
+
+    def take(self, n: int, condensed: Condensed) -> None:
+        """Take the harmonic from another rank instead of factoring it."""
+        self._taken[n], self._compliances[n] = condensed, condensed.compliance
 
     def on_trace(self, displacement: Amplitudes) -> Amplitudes:
         """The amplitudes of the contact line (3 line nodes, k) of those of all nodes (3 nodes, k)."""

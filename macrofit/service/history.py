@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import BoolArray, FloatArray
-from ..errors import SceneError
-from ..scene.keys import ServiceKeys
 from .bonded import Harmonic, seat_stress
-from .criteria import Criteria, Limits, judge_histories
+from .fatigue.criteria import Criteria, judge_histories
+from .fatigue.limits import limits_of
 from .kernel import Kernel
 from .residual import Residual
 from .rotation import Revolution
@@ -135,29 +134,14 @@ class Endurance:
     ruiz: FloatArray  # MPa2 mm
 
 
-def limits_of(keys: ServiceKeys) -> Limits:
-    """The fatigue limits of the keys.
-
-    Raises:
-        SceneError: no criterion has constants for them.
-    """
-    torsion = 0.6 * keys.bending_limit if keys.torsion_limit is None else keys.torsion_limit
-    if not 0.5 < torsion / keys.bending_limit < 1.0:
-        raise SceneError(
-            f"service.torsion_limit: {torsion:g} must be above 1/2 and below 1 of bending_limit, "
-            f"{keys.bending_limit:g}; steels have 0.55 to 0.65"
-        )
-    return Limits(bending=keys.bending_limit, torsion=torsion)
-
-
 def endurance(whole: Wheelset, stress: FloatArray, wear: Fretting) -> Endurance:
     """The criteria of the seat's stress histories.
 
     Raises:
-        SceneError: see `limits_of`.
+        SceneError: see `fatigue.limits.limits_of`.
     """
     line = whole.fit.lines[0]
-    limits = limits_of(whole.loads.keys)
+    limits = limits_of(whole.loads.keys, whole.scene.axle.material)
     middles = 0.5 * (line.coordinate[1:] + line.coordinate[:-1])
     along = by_facet(line.facets, whole.fit.facet, wear.axial_range.astype(np.complex128)[:, None]).real[:, 0]
     shear = np.abs(stress[:, :, NM]).max(axis=1)

@@ -35,6 +35,12 @@ class Kernel:
         turned = [self.turn[:, None] * response.matrix / self.turn for response in self._responses]
         return np.asarray(np.fft.irfft(np.stack(turned), n=self.angles, axis=0))
 
+    @property
+    def normal_stiffness(self) -> FloatArray:
+        """S (m, m) [MPa/mm] between openings that are the same all around and pressures."""
+        m = self.fit.moments
+        return self._responses[0].matrix[:m, :m]
+
     def respond(self, slip: FloatArray) -> FloatArray:
         """S w (K, 3 m) [MPa] of a slip (K, 3 m) [mm]."""
         return self.product([response.matrix for response in self._responses], self.turn, slip)

@@ -24,6 +24,7 @@ from ..bodies.fenics import Discretisation
 from ..contact.moments import shape
 from ..errors import MeshError
 
+ROUNDING = 1e-9
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)  # type: ignore[no-untyped-call]
 
 
@@ -95,8 +96,9 @@ def front_face(space: Discretisation, *, last: bool = False) -> EndFace:
     chosen = [pairs[on, :1], middles[on, None], pairs[on, 1:]] if space.order == 2 else [pairs[on, :1], pairs[on, 1:]]
     edges = np.concatenate(chosen, axis=1)
     radii = space.nodes[edges, 0]
-    section = Section(outer=float(radii.max()), inner=float(radii.min()))
-    return EndFace(edges=edges, z=float(end), section=section)
+    outer, inner = float(radii.max()), float(radii.min())
+    solid = inner < ROUNDING * outer  # a mesher leaves nodes beside the axis by rounding
+    return EndFace(edges=edges, z=float(end), section=Section(outer=outer, inner=0.0 if solid else inner))
 
 
 def rim_node(space: Discretisation, offset: float) -> int:

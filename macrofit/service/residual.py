@@ -10,9 +10,9 @@ import numpy as np
 from mpi4py import MPI
 
 from ..assembly import Assembly, assemble, friction_field, yielding_of
-from ..base.arrays import BoolArray, FloatArray
+from ..base.arrays import BoolArray, FloatArray, IntArray
 from ..bodies.approach import check_approach
-from ..bodies.body import Body
+from ..bodies.body import Body, ContactLine
 from ..bodies.stress import StressEvaluator
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
@@ -21,7 +21,8 @@ from ..friction import GivenFriction, ScriptFriction
 from ..press import REACH, Press
 from ..release import is_held, let_go
 from ..scene.keys import Scene
-from ..state import Step
+from ..solution import Journal
+from ..state import State, Step
 from .seat_stress import MM, TT, facet_mean, surface_stress
 
 
@@ -31,30 +32,56 @@ class Residual:
 
     displacement: float  # mm
     force: float  # N, with which the wheel was pressed on last
+    thermal_strain: float  # of the wheel
     coupling: MortarCoupling
     traction: FloatArray  # (3, m): normal, along, around [MPa]
     gap: FloatArray  # (m,) of open moments, 0 in contact [mm]
     friction: FloatArray  # (m,)
     stress: FloatArray  # (facets, 6) of the seat, see `seat_stress` [MPa]
 
+    @property
+    def scalars(self) -> dict[str, float | int | bool]:
+        """Its numbers, for a journal."""
+        return {name: float(getattr(self, name)) for name in ("displacement", "force", "thermal_strain")}
 
-def pressed_and_released(scene: Scene, friction: GivenFriction | None = None) -> tuple[Residual, Mapping[str, Body]]:
+    @property
+    def arrays(self) -> dict[str, FloatArray | IntArray]:
+        """Its arrays, for a journal."""
+        return {name: getattr(self, name) for name in ("traction", "gap", "friction", "stress")}
+
+
+def restored(
+    scalars: Mapping[str, float], arrays: Mapping[str, FloatArray | IntArray], bodies: Mapping[str, Body]
+) -> Residual:
+    """The inverse of `Residual.scalars` and `Residual.arrays`, for the same bodies."""
+    lines = (bodies["axle"].line, bodies["wheel"].line)
+    place = (scalars["displacement"], scalars["thermal_strain"])
+    return Residual(coupling=_coupling(lines, place, len(arrays["gap"])), **scalars, **arrays)  # type: ignore[arg-type]
+
+
+def pressed_and_released(
+    scene: Scene,
+    friction: GivenFriction | None = None,
+    journal: Journal | None = None,
+    assembly: Assembly | None = None,
+) -> tuple[Residual, Mapping[str, Body]]:
     """Press the wheel on, let it go, and give what is left with the bodies; ``friction`` stands for the scene's.
+
+    The ``journal`` keeps the increments of the press, and gives back those of an interrupted one; the ``assembly`` is
+    that of the same bodies, where it is there already.
 
     Raises:
         SceneError: the bodies never meet, or nothing holds the wheel.
         ConvergenceError: an increment cannot be solved, or no place without force is found.
     """
     scene = msgspec.structs.replace(scene, motion=msgspec.structs.replace(scene.motion, release=False))
-    assembly = assemble(scene, MPI.COMM_SELF)
+    assembly = assemble(scene, MPI.COMM_SELF) if assembly is None else assembly
     seat, wheel = assembly.seat, assembly.wheel
     check_approach(scene, seat.line.side, wheel.line.side)
     script = None if friction is None else ScriptFriction(friction)
     field = friction_field(scene, MPI.COMM_SELF, seat, wheel, script)
     press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
-    before = after = press.rest()
-    for _, state in press.increments(before):
-        before, after = after, state
+    before, after = _pressed(press, journal)
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
     steps, _ = let_go(press, after) if held else press.advance_to(before, after.displacement, strain)
@@ -68,25 +95,49 @@ def pressed_and_released(scene: Scene, friction: GivenFriction | None = None) ->
     return _residual(press, steps[-1], after.axial_force, assembly), assembly.bodies
 
 
+def _pressed(press: Press, journal: Journal | None) -> tuple[State, State]:
+    """The states before and after the last increment."""
+    kept = [] if journal is None else journal.records()
+    states = [State.restored(arrays) for _, arrays in kept]
+    press.friction.recall(arrays for _, arrays in kept)
+    before, after = press.resumed(states[:-1]), press.resumed(states)
+    for record, state in press.increments(after, len(states)):
+        if journal is not None:
+            journal.append(record, state.arrays() | press.friction.news())
+        before, after = after, state
+    return before, after
+
+
 def _residual(press: Press, step: Step, force: float, assembly: Assembly) -> Residual:
-    """The moments of a step, which face each other with or without the ends that stand wide open."""
-    state, line, found = step.state, press.seat.line, step.report.answer.traction
-    bore = warmed(press.bore, state.thermal_strain)
-    couplings = [couple_lines(line, bore, state.displacement, reach) for reach in (REACH, np.inf)]
-    coupling = next((c for c in couplings if c is not None and len(c.normals) == found.shape[1]), None)
-    if coupling is None:
-        raise SceneError(f"service: at {state.displacement:g} mm, where the press lets go, the wheel is off its seat")
+    state, found = step.state, step.report.answer.traction
+    place = (state.displacement, state.thermal_strain)
+    coupling = _coupling((press.seat.line, press.bore), place, found.shape[1])
     facet = np.repeat(coupling.portions.facet, press.seat.moments)
     traction = np.concatenate([found, np.zeros((1, found.shape[1]))])
     return Residual(
         displacement=state.displacement,
         force=force,
+        thermal_strain=state.thermal_strain,
         coupling=coupling,
         traction=traction,
         gap=np.maximum(step.report.answer.trial[0], 0.0) / press.seat.gamma[facet],
         friction=step.facets.friction[facet],
         stress=_stress(press, step, assembly),
     )
+
+
+def _coupling(lines: tuple[ContactLine, ContactLine], place: tuple[float, float], moments: int) -> MortarCoupling:
+    """So many moments that face each other, with or without the ends that stand wide open.
+
+    Raises:
+        SceneError: there are none at this displacement [mm], with this thermal strain of the wheel.
+    """
+    bore = warmed(lines[1], place[1])
+    couplings = (couple_lines(lines[0], bore, place[0], reach) for reach in (REACH, np.inf))
+    found = next((each for each in couplings if each is not None and len(each.normals) == moments), None)
+    if found is None:
+        raise SceneError(f"service: at {place[0]:g} mm, where the press lets go, the wheel is off its seat")
+    return found
 
 
 def _stress(press: Press, step: Step, assembly: Assembly) -> FloatArray:

@@ -2,7 +2,7 @@
 
 Time is counted in revolutions: from -1 to 0 the loads grow as they turn, from 0 on they are whole. Everything is
 counted from the released fit. A step starts from the slips before it, turned on by its angle, or as they are, first
-from what helped last; if Newton's method gets nowhere from both, it is halved.
+from what helped last; where Newton's method gets nowhere from both, it takes shorter ways, and then the step is halved.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..base.arrays import FloatArray
 from ..errors import ConvergenceError
 from .kernel import Kernel
-from .slipping import Law, Solved, solve_step
+from .slipping import Law, Solved, search_step, solve_step
 
 HALVINGS = 6
 
@@ -68,6 +68,14 @@ class Rotation:
             here = self.advance(here, step / self.steps - 1.0)
         return here
 
+    def worn(self, here: Moment, depth: FloatArray) -> Moment:
+        """The fit that has lost a depth (m,) [mm], before it finds its equilibrium; the rotation goes on with it."""
+        closed = np.zeros_like(self.still)
+        closed[:, 0] = depth
+        change = self.kernel.respond(closed.reshape(len(closed), -1)).reshape(closed.shape)
+        self.still = self.still + change
+        return Moment(time=here.time, traction=here.traction + change, slip=here.slip)
+
     def revolve(self, start: Moment) -> Revolution:
         """A whole revolution from a time on.
 
@@ -113,6 +121,11 @@ class Rotation:
             self.iterations += solved.iterations
             if solved.converged:
                 self._turns = turns  # what helped last is tried first: a guess that does not help takes longest
+                return solved
+        for guess in (here.slip, turned):
+            solved = search_step(self.kernel, law, still, guess)
+            self.iterations += solved.iterations
+            if solved.converged:
                 return solved
         return None
 

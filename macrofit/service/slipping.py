@@ -33,6 +33,10 @@ RHO = 2e4
 TOLERANCE = 1e-9
 """Residual of a step, in the largest pressure."""
 ITERATIONS = 40
+SEARCHED = 80
+"""Iterations where ways are shortened."""
+SHORTENINGS, DECREASE = 8, 0.1
+"""How often at most, and how much of the residual a whole way has to take away."""
 LOST = 100.0
 """Slip beyond which Newton's method has lost the wheel [mm]."""
 DENSE = 400
@@ -82,27 +86,91 @@ class Law:
 
 def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
     """Solve a step from a guess of the slips (K, 3, m); ``still`` are the tractions (K, 3, m) without any slip."""
-    slip = guess.copy()
-    traction = still + _respond(kernel, slip)
-    scale = max(float(np.abs(still[:, 0]).max()), 1e-300)
-    done = None
-    for iteration in range(ITERATIONS):
-        q, bound, opens, slips = law.trial(traction, slip)
-        rest = law.settled(slip, opens, slips) - slip
-        residual = _residual(traction, q, bound, opens, slips)
-        status = opens.astype(np.int8) + 2 * slips
-        error = max(float(np.abs(residual).max(initial=0.0)), RHO * float(np.abs(rest).max()))
-        if done is not None and error <= TOLERANCE * scale and (status == done).all():
-            return Solved(traction=traction, slip=slip, iterations=iteration, converged=True)
-        done = status
-        moved = traction + (_respond(kernel, rest) if rest.any() else 0.0)
-        slip = slip + rest
-        if opens.any() or slips.any():
-            slip += _correction(kernel, law, (traction, moved), q, bound, opens, slips)
-        traction = still + _respond(kernel, slip)
-        if not (np.isfinite(traction).all() and float(np.abs(slip).max()) < LOST):
+    return _solved(Problem(kernel=kernel, law=law, still=still), guess, ITERATIONS, search=False)
+
+
+def search_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
+    """The same by shorter ways, each to where less of the law is left: where much opens, whole ways lead astray."""
+    return _solved(Problem(kernel=kernel, law=law, still=still), guess, SEARCHED, search=True)
+
+
+def _solved(problem: Problem, guess: FloatArray, most: int, *, search: bool) -> Solved:
+    here, done = problem.at(guess), None
+    scale = max(float(np.abs(problem.still[:, 0]).max()), 1e-300)
+    for iteration in range(most):
+        if done is not None and here.error <= TOLERANCE * scale and (here.status == done).all():
+            return Solved(traction=here.traction, slip=here.slip, iterations=iteration, converged=True)
+        done = here.status
+        correction = problem.correction(here)
+        here = problem.searched(here, correction) if search else problem.at(here.slip + here.rest + correction)
+        if not (np.isfinite(here.traction).all() and float(np.abs(here.slip).max()) < LOST):
             break
-    return Solved(traction=traction, slip=slip, iterations=iteration + 1, converged=False)
+    return Solved(traction=here.traction, slip=here.slip, iterations=iteration + 1, converged=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Slips (K, 3, m) on the way to a solution, and what the law leaves there."""
+
+    slip: FloatArray  # mm
+    traction: FloatArray  # MPa
+    q: FloatArray  # (K, 2, m)
+    bound: FloatArray  # (K, m)
+    opens: BoolArray
+    slips: BoolArray
+    rest: FloatArray  # from the slip of closed and sticking points to that of the law [mm]
+    residual: FloatArray  # of the others [MPa]
+
+    @property
+    def status(self) -> IntArray:
+        """1 where a point is open, 2 where it slips."""
+        return np.asarray(self.opens.astype(np.int8) + 2 * self.slips)
+
+    @property
+    def error(self) -> float:
+        """The largest residual [MPa]."""
+        return max(float(np.abs(self.residual).max(initial=0.0)), RHO * float(np.abs(self.rest).max()))
+
+    @property
+    def size(self) -> float:
+        """The residual as a length [MPa]."""
+        return float(np.hypot(np.linalg.norm(self.residual), RHO * np.linalg.norm(self.rest)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """What one step has to solve."""
+
+    kernel: Kernel
+    law: Law
+    still: FloatArray  # (K, 3, m)
+
+    def at(self, slip: FloatArray) -> Place:
+        """What the law leaves of slips."""
+        traction = self.still + _respond(self.kernel, slip)
+        q, bound, opens, slips = self.law.trial(traction, slip)
+        rest = self.law.settled(slip, opens, slips) - slip
+        residual = _residual(traction, q, bound, opens, slips)
+        return Place(
+            slip=slip, traction=traction, q=q, bound=bound, opens=opens, slips=slips, rest=rest, residual=residual
+        )
+
+    def correction(self, here: Place) -> FloatArray:
+        """What Newton's method adds to the slips of points that slip or open, once the others have settled."""
+        if not (here.opens.any() or here.slips.any()):
+            return np.zeros_like(here.slip)
+        moved = here.traction + (_respond(self.kernel, here.rest) if here.rest.any() else 0.0)
+        return _correction(self.kernel, self.law, (here.traction, moved), here.q, here.bound, here.opens, here.slips)
+
+    def searched(self, here: Place, correction: FloatArray) -> Place:
+        """The first place on the way, half as far each time, that leaves enough less; or the best of them."""
+        way, found = here.rest + correction, []
+        for halvings in range(SHORTENINGS):
+            share = 0.5**halvings
+            found.append(self.at(here.slip + share * way))
+            if found[-1].size < (1.0 - DECREASE * share) * here.size:
+                return found[-1]
+        return min(found, key=lambda place: np.nan_to_num(place.size, nan=np.inf))
 
 
 def _respond(kernel: Kernel, slip: FloatArray) -> FloatArray:

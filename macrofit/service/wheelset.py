@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,8 +95,11 @@ def wheelset(
     bodies: Mapping[str, Body],
     displacement: float | None = None,
     coupling: MortarCoupling | None = None,
+    revolved: Callable[[Body, str], HarmonicBody] | None = None,
 ) -> Wheelset:
     """The wheelset of a scene, its wheel pressed to a displacement [mm], on facets that face each other.
+
+    ``revolved`` gives the bodies in harmonics where they are there already.
 
     Raises:
         SceneError: nothing can bend here, or the wheel is not on its seat.
@@ -105,7 +108,8 @@ def wheelset(
         raise SceneError("service: bends a wheel on an axle, and the gap is axial here")
     keys = service_keys(scene)
     where = scene.displacements[-1] if displacement is None else displacement
-    axle, wheel = (_in_harmonics(bodies[name], name) for name in ("axle", "wheel"))
+    make = in_harmonics if revolved is None else revolved
+    axle, wheel = (make(bodies[name], name) for name in ("axle", "wheel"))
     lines = (bodies["axle"].line, bodies["wheel"].line)
     if coupling is None:
         strain = scene.thermal_strain_at(len(scene.displacements) - 1)
@@ -119,15 +123,17 @@ def wheelset(
     penalty = ContactKeys(formulation="penalty", penalty_stiffness=stiffness)
     gamma = gamma_of(penalty, line.material.youngs_modulus, line.length)
     fit = Fit(axle, wheel, lines, coupling, gamma, every)
-    return Wheelset(scene=scene, displacement=where, fit=fit, loads=_loads(keys, axle, wheel, where))
+    return Wheelset(scene=scene, displacement=where, fit=fit, loads=loads_of(keys, axle, wheel, where))
 
 
-def _in_harmonics(body: Body, name: str) -> HarmonicBody:
+def in_harmonics(body: Body, name: str) -> HarmonicBody:
+    """The axle or the wheel in harmonics."""
     trace = body.trace[: len(body.line.nodes)]
     return HarmonicBody(body.space, body.material, trace, floats=name == "wheel", name=name)
 
 
-def _loads(keys: ServiceKeys, axle: HarmonicBody, wheel: HarmonicBody, displacement: float) -> Loads:
+def loads_of(keys: ServiceKeys, axle: HarmonicBody, wheel: HarmonicBody, displacement: float) -> Loads:
+    """The loads on the bodies, the wheel pressed to a displacement [mm]."""
     face = front_face(axle.space)
     node = rim_node(wheel.space, keys.rim_offset)
     radius, z = wheel.space.nodes[node].tolist()

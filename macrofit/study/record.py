@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import msgspec
 import numpy as np
@@ -67,19 +68,31 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         return self.force_N[top], self.displacement_mm[top]
 
 
-class StudyFile:
+class Record(Protocol):
+    """What a study keeps of a run."""
+
+    @property
+    def digest(self) -> str:
+        """That of everything that determines the run."""
+        ...
+
+
+Kept = TypeVar("Kept", bound=Record)
+
+
+class RecordFile(Generic[Kept]):
     """An append-only file of finished runs, one frame each; a kill can only tear the last one."""
 
-    def __init__(self, path: Path, *, replace: bool) -> None:
-        """Open or make the file, and read what it holds unless it is to be replaced.
+    def __init__(self, path: Path, kind: type[Kept], magic: bytes, *, replace: bool) -> None:
+        """Open or make the file of records of a kind, and read what it holds unless it is to be replaced.
 
         Raises:
-            OutputError: it is in use, is not of a study, is damaged, or cannot be written.
+            OutputError: it is in use, does not begin with ``magic``, is damaged, or cannot be written.
         """
-        self.path = path
-        self.records: dict[str, RunRecord] = {}
+        self.path, self._kind, self._magic = path, kind, magic
+        self.records: dict[str, Kept] = {}
         if replace or not path.exists():
-            self._log = Log.create(path, MAGIC)
+            self._log = Log.create(path, magic)
             return
         self._log = Log.open(path)
         try:
@@ -88,7 +101,7 @@ class StudyFile:
             self.close()
             raise
 
-    def append(self, record: RunRecord) -> None:
+    def append(self, record: Kept) -> None:
         """Keep one more.
 
         Raises:
@@ -103,19 +116,27 @@ class StudyFile:
 
     def _read(self, held: bytes) -> int:
         """Fill the records; gives the place where the last whole one ends."""
-        if not held.startswith(MAGIC):
+        if not held.startswith(self._magic):
             raise OutputError(
                 f"{self.path}: is of a study of another version of macrofit; start again without --resume"
             )
-        end = len(MAGIC)
+        end = len(self._magic)
         try:
             for content, place in frames(held, end):
-                record = msgspec.msgpack.decode(content, type=RunRecord)
+                record = msgspec.msgpack.decode(content, type=self._kind)
                 self.records[record.digest] = record
                 end = place
         except (ValueError, msgspec.MsgspecError) as error:
             raise OutputError(f"{self.path}: {error}; start again without --resume") from None
         return end
+
+
+class StudyFile(RecordFile[RunRecord]):
+    """The file of a study of press fits."""
+
+    def __init__(self, path: Path, *, replace: bool) -> None:
+        """Open or make the file, see `RecordFile`."""
+        super().__init__(path, RunRecord, MAGIC, replace=replace)
 
 
 def is_study(path: Path) -> bool:

@@ -9,8 +9,8 @@ import pytest
 
 from macrofit.scene.keys import ServiceKeys
 from macrofit.scene.material import Material
-from macrofit.service.criteria import Limits, judge_histories, smallest_ball
-from macrofit.service.history import limits_of
+from macrofit.service.fatigue.criteria import Limits, judge_histories, smallest_ball
+from macrofit.service.fatigue.limits import limits_of
 
 LIMITS = Limits(bending=240.0, torsion=150.0)
 STEEL = Material(youngs_modulus=206e3, poisson_ratio=0.3)
@@ -71,7 +71,14 @@ def test_steady_shear_does_not_count_by_findley() -> None:
 
 
 def test_the_limit_in_torsion_is_a_part_of_that_in_bending_where_none_is_given() -> None:
-    assert limits_of(ServiceKeys(bending_limit=250.0)) == Limits(bending=250.0, torsion=150.0)
+    assert limits_of(ServiceKeys(bending_limit=250.0), Material()) == Limits(bending=250.0, torsion=150.0)
+
+
+def test_limits_of_a_grade_stand_where_none_are_given() -> None:
+    assert limits_of(ServiceKeys(), Material(grade="EA4T")) == Limits(bending=240.0, torsion=144.0)
+    assert limits_of(ServiceKeys(bending_limit=220.0), Material(grade="EA4T")).bending == 220.0
+    for material in (Material(), Material(grade="ER7")):  # a wheel's steel has no such limits
+        assert limits_of(ServiceKeys(), material).bending == 200.0
 
 
 def test_smith_watson_topper_of_reversed_bending() -> None:

@@ -7,26 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from serving import SHORT, read_table, service
 
-from macrofit.cli import main
+from macrofit.scene import load_scene
 from macrofit.service import output
-
-SHORT = (
-    "mesh.seat_facet=8", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=30",
-    "wheel.bore_radius=94.85", "friction.options.coefficient=0.2", "service.harmonics=1", "service.steps=9",
-)  # fmt: skip
-
-
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    head, *rows = path.read_text().split()
-    return dict(zip(head.split(","), np.array([row.split(",") for row in rows], dtype=float).T, strict=True))
-
-
-def service(folder: Path, *more: str, scene: str = "wheelset", bonded: bool = False) -> Result:
-    changes = [word for change in (*SHORT, *more) for word in ("--set", change)]
-    words = ["service", scene, *changes, "-o", str(folder), *(["--bonded"] if bonded else [])]
-    return CliRunner(mix_stderr=False).invoke(main, words)
+from macrofit.service.run import bonded_only
 
 
 def test_folder_has_numbers_tables_and_a_figure(tmp_path: Path) -> None:
@@ -55,6 +40,14 @@ def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Pa
     assert found["friction"] is None
     assert 1.0 < found["bonded"]["inner"]["stress_concentration"] < 3.0
     assert not (folder / output.FRETTING).exists()
+
+
+@pytest.mark.parametrize(("load", "harmonics"), [("journal_force=1e5", [1]), ("torque=1e6", [0, 1])])
+def test_bonded_solution_factors_the_harmonics_that_the_loads_need(load: str, harmonics: list[int]) -> None:
+    found = bonded_only(load_scene("wheelset", [*SHORT, f"service.{load}"]))
+    assert sorted(found.bonded.harmonics) == harmonics
+    for body in (found.whole.fit.axle, found.whole.fit.wheel):
+        assert sorted(body._factors) == harmonics
 
 
 def test_loads_scale_the_nominal_stress(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, blank, placed, plain, save, sheet
-from .history import in_contact
-from .seat_stress import MM
+from ...base.figure import BLACK, BLUE, GREEN, ORANGE, VERMILION, blank, placed, plain, save, sheet
+from ..history import in_contact
+from ..seat_stress import MM
 
 if TYPE_CHECKING:
-    from .run import Service, Turned
+    from ..run import Service, Turned
 
 
 def write_figure(target: Path, found: Service) -> Path:

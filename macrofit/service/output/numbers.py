@@ -5,28 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
-from ..base.arrays import FloatArray
-from ..base.files import write_text
-from ..plasticity.material import hardening
-from ..results.doubts import doubtful_lines
-from ..results.versions import versions
-from ..scene import dump_scene
-from .bonded import OUTSIDE, Bonded, Edge
-from .fit import Fit
-from .history import SLIPPED, Endurance, Fretting
-from .seat_stress import MM, NM, NN
-from .wheelset import Wheelset
+from ...base.arrays import FloatArray
+from ...base.files import write_text
+from ...plasticity.material import hardening
+from ...results.doubts import doubtful_lines
+from ...results.versions import provenance, versions
+from ...scene import dump_scene
+from ..bonded import OUTSIDE, Bonded, Edge
+from ..fatigue.limits import judge_stress, limits_of
+from ..fit import Fit
+from ..history import SLIPPED, Endurance, Fretting
+from ..seat_stress import MM, NM, NN
+from ..wheelset import Wheelset
 
 if TYPE_CHECKING:
-    from .run import Turned
+    from ..run import Service, Turned
 
-NUMBERS = "service.json"
-SEAT = "seat.csv"
-"""Values along the seat, one row for each facet; under the bonded fit, at the angle 0."""
-FRETTING = "fretting.csv"
-"""Values along the contact over a revolution, one row for each moment: two of a facet of order 2."""
 STEADY = 5e-3
 """Slip that a revolution may leave, in the largest range of slip."""
 BALANCED = 1e-3
@@ -35,9 +32,11 @@ LEAST_WORK = 100.0
 """Friction work of a revolution below which it is counted as that much [N mm]; a wheelset has 1e3 to 1e5."""
 
 
-def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str, Any]:
-    """The numbers of service.json, keys with their units; friction is None where nothing turned."""
-    keys = whole.loads.keys
+def numbers(found: Service) -> dict[str, Any]:
+    """The numbers of service.json, keys with their units; friction is None where no revolution is whole."""
+    whole, turned = found.whole, found.turned
+    keys, verdict = whole.loads.keys, judge_stress(whole)
+    limits = limits_of(keys, whole.scene.axle.material)
     return {
         "title": whole.scene.title,
         "displacement_mm": whole.displacement,
@@ -45,12 +44,17 @@ def numbers(whole: Wheelset, bonded: Bonded, turned: Turned | None) -> dict[str,
         "journal_moment_N_mm": keys.journal_moment,
         "lateral_force_N": keys.lateral_force,
         "torque_N_mm": keys.torque,
-        "bonded": {edge.name: _edge(edge) for edge in bonded.edges},
+        "bonded": {edge.name: _edge(edge) for edge in found.bonded.edges},
         "friction": None if turned is None else _friction(whole.fit, turned),
         "endurance": None if turned is None else _endurance(turned.endurance),
+        "limits_MPa": {"bending": limits.bending, "torsion": limits.torsion},
+        "verdict": msgspec.to_builtins(verdict) | {"sentence": verdict.sentence},
         "doubts": [] if turned is None else service_doubts(whole, turned),
+        "turned_revolutions": found.moments[-1].time if found.moments else None,
+        "ended": found.ended,
         "scene": dump_scene(whole.scene),
         "versions": versions(),
+        "provenance": provenance(whole.scene),
     }
 
 
@@ -80,7 +84,7 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
         "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
         "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
-        "opening_mm": float(wear.opening.max(initial=0.0)),
+        "opening_mm": float(wear.opening.max(initial=0.0)) + 0.0,  # no -0.0
     }
 
 
@@ -107,6 +111,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
 def _endurance(found: Endurance) -> dict[str, Any]:
     criteria = found.criteria
     values = {
+        "axial_stress_amplitude_MPa": 0.5 * np.ptp(found.stress[:, :, MM], axis=1),
         "crossland": criteria.crossland,
         "dang_van": criteria.dang_van,
         "findley": criteria.findley,
@@ -178,6 +183,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
             f"{name.capitalize() + ' edge':<15} nominal bending stress {edge['nominal_stress_MPa']:.1f} MPa "
             f"at z = {edge['z_mm']:.1f} mm{_bonded_said(edge)}"
         )
+    lines.append(f"Verdict         {found['verdict']['sentence']}")
     if found["friction"]:
         lines += _turned_said(found["friction"], found["endurance"])
     return lines + doubtful_lines(found["doubts"])
@@ -205,5 +211,5 @@ def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[st
         f"{friction['work_balance']:.1e}",
         f"Steady          the last revolution leaves {left['axial']:.1e} of slip along, {left['around']:.1e} around, "
         f"and is a wave to {friction['wave_error']['axial']:.1e}",
-        f"Share of limit  {said}, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
+        f"Share of limit  {said} of a smooth surface, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
     ]

@@ -1,0 +1,153 @@
+"""The files of a study of wheelsets in service: a row per run, the spread, a figure; and what is said meanwhile."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...base.files import remove_drafts, write_json, write_text, writing
+from ...base.progress import duration, printable, say
+from ...errors import OutputError
+from ...results.doubts import doubtful_lines
+from ...results.folder import prepare
+from ...results.versions import session, versions
+from ...study.plan import Plan, PlannedRun
+from ...study.statistics import statistics
+from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study, measured
+
+STUDY_FILE, ROWS, TOTALS, FIGURE, RUNS = (
+    "service-study.bin", "service-study.csv", "service-study.json", "service-study.png", "runs"
+)  # fmt: skip
+SAY_EVERY_S = 2.0
+SHOWN = {
+    "friction_work_N_mm": ("Friction work", 1e-3, "J"),
+    "front_slip_range_mm": ("Front slip", 1e3, "um"),
+    "inner_slip_range_mm": ("Inner slip", 1e3, "um"),
+    "axial_stress_amplitude_MPa": ("Axial stress", 1.0, "MPa, amplitude"),
+    "crossland": ("Crossland", 1.0, "of the limit"),
+    "ruiz_MPa2_mm": ("Ruiz", 1.0, "MPa2 mm"),
+}
+"""What is said of all runs: its name, factor and unit."""
+
+
+def open_service_study(folder: Path, plan: Plan, *, resume: bool) -> ServiceStudyFile:
+    """Make the folder ready; with ``resume`` the finished runs in it count.
+
+    Raises:
+        OutputError: it holds something else, or unfinished runs of this study that ``resume`` would use.
+    """
+    path = folder / STUDY_FILE
+    owned = is_service_study(path)
+    prepare(folder, owned=owned)
+    if owned and not resume and not (folder / TOTALS).exists():
+        held = ServiceStudyFile(path, replace=False)
+        held.close()
+        if held.records.keys() & {run.digest for run in plan.runs}:
+            raise OutputError(
+                f"{folder}: holds an unfinished study with some of these runs; continue it with --resume, choose "
+                f"another folder with -o, or delete this one"
+            )
+    kept = ServiceStudyFile(path, replace=not resume)
+    remove_drafts(folder)
+    with writing(folder):
+        for stale in () if resume else (ROWS, TOTALS, FIGURE):
+            (folder / stale).unlink(missing_ok=True)
+    return kept
+
+
+def run_folder(folder: Path, run: PlannedRun) -> Path:
+    """Where `--keep` puts a run."""
+    return folder / RUNS / f"{run.number:04d}"
+
+
+class ServiceProgress:
+    """One line per finished run, at most every SAY_EVERY_S where there are many; with the time left."""
+
+    def __init__(self, plan: Plan, *, already: int, quiet: bool) -> None:
+        self.labels = {run.digest: run.label for run in plan.runs}
+        self.total, self.count, self.already, self.quiet = len(self.labels), already, already, quiet
+        self._begin, self._said = time.monotonic(), 0.0
+        if already and not quiet:
+            say(f"{already} of {self.total} runs are there already")
+
+    def finished(self, record: ServiceRecord) -> None:
+        """A run has come in."""
+        self.count += 1
+        now = time.monotonic()
+        last = self.count == self.total
+        if self.quiet or (self.total > 20 and not last and now - self._said < SAY_EVERY_S):
+            return
+        self._said = now
+        each = (now - self._begin) / (self.count - self.already)
+        remaining = "" if last else f"  {duration(each * (self.total - self.count))} left"
+        work = record.values["friction_work_N_mm"]
+        told = "ended early" if work is None else f"friction work {1e-3 * work:8.4g} J"
+        say(f"run {self.count:{len(str(self.total))}d}/{self.total}  {told}  {self.labels[record.digest]}{remaining}")
+
+
+def write_service_study(folder: Path, plan: Plan, records: Sequence[ServiceRecord]) -> list[str]:
+    """Write the table, the totals and the figure; gives the summary lines.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    from .figures import write_service_figure
+
+    write_text(folder / ROWS, _table(plan, records))
+    write_service_figure(folder / FIGURE, plan, records)
+    totals = _totals(plan, records)
+    write_json(folder / TOTALS, totals)  # last: its presence says that the study is complete
+    return [*_sentences(records, totals), f"Figures         {FIGURE}", f"Files           {folder}"]
+
+
+def _table(plan: Plan, records: Sequence[ServiceRecord]) -> str:
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["run", "label", *plan.keys, *MEASURES, "verdict", "doubts", "ended", "cpu_s"])
+    for run, record in zip(plan.runs, records, strict=True):
+        cells = [str(run.number), run.label, *(run.values.get(key, "") for key in plan.keys)]
+        cells += ["" if value is None else repr(value) for value in record.values.values()]
+        rows.writerow([*cells, record.verdict, len(record.doubts), record.ended or "", f"{record.cpu_s:.3f}"])
+    return text.getvalue()
+
+
+def _totals(plan: Plan, records: Sequence[ServiceRecord]) -> dict[str, Any]:
+    pairs = list(zip(plan.runs, records, strict=True))
+    samples = {name: measured(plan, records, name) for name in MEASURES}
+    return {
+        "scene": printable(plan.source),
+        "title": plan.title,
+        "keys": list(plan.keys),
+        "runs": [
+            {"run": run.number, "label": run.label, "values": run.values, "digest": run.digest} for run, _ in pairs
+        ],
+        "statistics": {name: statistics(values) for name, values in samples.items() if len(values)},
+        "verdicts": dict(Counter(record.verdict for record in records)),
+        "ended": {str(run.number): record.ended for run, record in pairs if record.ended},
+        "doubts": {str(run.number): record.doubts for run, record in pairs if record.doubts},
+        "runs_cpu_s": sum({record.digest: record.cpu_s for record in records}.values()),
+        "versions": versions(),
+        "provenance": session(),
+    }
+
+
+def _sentences(records: Sequence[ServiceRecord], totals: dict[str, Any]) -> list[str]:
+    lines = [f"Runs            {len(records)}, {totals['runs_cpu_s'] / len(records):.2f} CPU s each"]
+    for name, (word, factor, unit) in SHOWN.items():
+        found = totals["statistics"].get(name)
+        if found is not None:
+            low, mean, high, spread = (factor * found[key] for key in ("min", "mean", "max", "standard_deviation"))
+            several = f"{low:.4g} to {high:.4g}, mean {mean:.4g} ± {spread:.2g}" if found["runs"] > 1 else f"{mean:.4g}"
+            lines.append(f"{word:<15} {several} {unit}")
+    words = ", ".join(f"{count} {word}" for word, count in totals["verdicts"].items())
+    lines.append(f"Verdict         {words}")
+    if totals["ended"]:
+        first, why = next(iter(totals["ended"].items()))
+        lines.append(f"Ended early     {len(totals['ended'])} runs; run {first}: {why}")
+    doubted = [sentences for sentences in totals["doubts"].values()]
+    return lines + (doubtful_lines([f"{len(doubted)} of {len(records)} runs, {doubted[0][0]}"]) if doubted else [])

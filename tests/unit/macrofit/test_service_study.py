@@ -1,0 +1,134 @@
+"""Studies of wheelsets in service: each run as alone, presses shared, early ends told."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from serving import SHORT, service
+
+from macrofit.base.log import frames
+from macrofit.cli import main
+from macrofit.service import run as service_run
+from macrofit.service.study.figures import write_service_figure
+from macrofit.service.study.output import STUDY_FILE
+from macrofit.service.study.record import MAGIC, MEASURES, ServiceRecord
+from macrofit.study.plan import plan_study
+
+KEYS = tuple(key for key in SHORT if "coefficient" not in key)
+VARIED = ("friction.options.coefficient=0.2,0.4", "service.torque=0.0,1e9")
+
+
+def study(folder: Path, *varied: str, more: tuple[str, ...] = ()) -> Any:
+    words = [word for key in KEYS for word in ("--set", key)] + [word for each in varied for word in ("--vary", each)]
+    command = ["study", "wheelset", "--service", *words, "-o", str(folder), *more]
+    return CliRunner(mix_stderr=False).invoke(main, command)
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "service-study.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def presses() -> list[int]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory, presses: list[int]) -> tuple[Path, str]:
+    press = service_run.pressed_and_released
+    folder = tmp_path_factory.mktemp("study") / "study"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(service_run, "pressed_and_released", lambda *given: presses.append(1) or press(*given))
+        result = study(folder, *VARIED)
+    assert result.exit_code == 0, result.stderr
+    return folder, result.stdout
+
+
+def test_each_run_is_the_one_alone_to_the_bit(done: tuple[Path, str], tmp_path: Path) -> None:
+    assert service(tmp_path / "alone", "friction.options.coefficient=0.4").exit_code == 0
+    alone = json.loads((tmp_path / "alone" / "service.json").read_text())
+    row = rows(done[0])[2]
+    assert (row["friction.options.coefficient"], row["service.torque"]) == ("0.4", "0.0")
+    for name, key in MEASURES.items():
+        value: Any = alone
+        for part in key.split("."):
+            value = value[part]
+        assert float(row[name]) == value, name
+    assert row["verdict"] == alone["verdict"]["word"]
+
+
+def test_runs_that_differ_in_loads_alone_share_their_press(done: tuple[Path, str], presses: list[int]) -> None:
+    assert len(rows(done[0])) == 4
+    assert len(presses) == 2  # one for each coefficient
+
+
+def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]) -> None:
+    folder, said = done
+    ended = [row["ended"] for row in rows(folder)]
+    assert [bool(each) for each in ended] == [False, True, False, True]
+    assert "no equilibrium was found" in ended[1]
+    assert rows(folder)[1]["friction_work_N_mm"] == ""
+    totals = json.loads((folder / "service-study.json").read_text())
+    assert sorted(totals["ended"]) == ["2", "4"]
+    assert totals["statistics"]["friction_work_N_mm"]["runs"] == 2
+    assert totals["statistics"]["nominal_stress_MPa"]["runs"] == 4
+    assert "Ended early     2 runs; run 2: service: no equilibrium" in said
+    assert (folder / "service-study.png").stat().st_size > 10_000
+
+
+def test_goes_on_with_the_runs_that_are_missing(done: tuple[Path, str], tmp_path: Path) -> None:
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    data = (done[0] / STUDY_FILE).read_bytes()
+    end = [place for _, place in frames(data, len(MAGIC))][1]
+    (folder / STUDY_FILE).write_bytes(data[:end])
+    refused = study(folder, *VARIED)
+    assert refused.exit_code == 2
+    assert "continue it with --resume" in refused.stderr
+    result = study(folder, *VARIED, more=("--resume", "--keep"))
+    assert result.exit_code == 0, result.stderr
+    assert "2 of 4 runs are there already" in result.stdout
+    assert sorted(path.name for path in (folder / "runs").iterdir()) == ["0003", "0004"]
+    assert (folder / "runs" / "0003" / "seat.vtu").is_file()
+    timeless = [[{**row, "cpu_s": ""} for row in rows(place)] for place in (folder, done[0])]
+    assert timeless[0] == timeless[1]
+
+
+def test_a_folder_of_a_press_study_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "study.bin").write_bytes(b"macrofit study 2\n")
+    result = study(tmp_path, *VARIED)
+    assert result.exit_code == 2
+    assert "holds no run of macrofit" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "vary", [("wheel.bore_radius=94.8:94.9:0.01", "service.steps=9,15"), ("mesh.seat_facet=4,5,6,7,8",)]
+)
+def test_figure_takes_any_number_of_runs(tmp_path: Path, vary: tuple[str, ...]) -> None:
+    plan = plan_study("wheelset", vary)
+    records = [
+        ServiceRecord(
+            digest=run.digest,
+            values={name: None if run.number == 2 else float(run.number) for name in MEASURES},
+            verdict="accepted",
+            ended=None,
+            doubts=[],
+            cpu_s=0.0,
+        )
+        for run in plan.runs
+    ]
+    assert write_service_figure(tmp_path / "a.png", plan, records).stat().st_size > 10_000
+    seeds = as_seeds(plan)
+    assert write_service_figure(tmp_path / "b.png", seeds, records * 3).stat().st_size > 10_000
+
+
+def as_seeds(plan: Any) -> Any:
+    """The plan as if it had numbered surfaces, three times as many."""
+    return replace(plan, keys=("friction.options.seed",), runs=plan.runs * 3)
