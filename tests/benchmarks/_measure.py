@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -63,19 +62,6 @@ def alone(code: str, timeout: float = 3600.0) -> list[str]:
     if done.returncode:
         raise RuntimeError(done.stderr)
     return done.stdout.split()
-
-
-def under_mpirun() -> dict[str, str]:
-    """Environment for `mpirun`: as root, on fewer cores than ranks, and without what a launcher around us has set."""
-    launcher = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_")
-    return {name: value for name, value in os.environ.items() if not name.startswith(launcher)} | {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_hwloc_base_binding_policy": "none",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
-        "PRTE_MCA_hwloc_default_binding_policy": "none",
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    }
 
 
 def head(*columns: str) -> str:

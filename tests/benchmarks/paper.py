@@ -26,8 +26,9 @@ from macrofit.identify.fit import fit_parameter
 from macrofit.scene import load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
+from tests.launcher import launcher_environment
 
-from ._measure import head, lines, row, under_mpirun
+from ._measure import head, lines, row
 
 MICRO = (0.01, 0.03, 0.05, 0.07, 0.09)
 NETWORK = ("friction.provider=surrogate", "friction.options.fallback=warning")
@@ -53,7 +54,7 @@ def surfaces(count: int, small: Sequence[str]) -> dict[str, np.ndarray]:
         words += [word for change in small for word in ("--set", change)] + ["-o", f"{folder}/seeds"]
         subprocess.run(
             ["mpirun", "-n", "2", sys.executable, "-m", "macrofit", *words],
-            stdin=subprocess.DEVNULL, stdout=sys.stderr, check=True, env=under_mpirun(),
+            stdin=subprocess.DEVNULL, stdout=sys.stderr, check=True, env=launcher_environment(),
         )  # fmt: skip
         with (Path(folder) / "seeds" / "study.csv").open() as file:
             rows = list(csv.DictReader(file))

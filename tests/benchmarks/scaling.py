@@ -31,7 +31,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ._measure import Cost, alone, draw_growth, growth, head, lines, row, under_mpirun
+from tests.launcher import launcher_environment
+
+from ._measure import Cost, alone, draw_growth, growth, head, lines, row
 
 ROOT = Path(__file__).parents[2]
 SMALL = ("mesh.seat_facet=5", "motion.start=15", "motion.travel=60", "motion.increment=5")
@@ -183,7 +185,7 @@ def on_ranks(ranks: int, folder: Path, overrides: Sequence[str]) -> dict[str, np
     out = folder / f"{ranks}.npz"
     command = ["mpirun", "-n", str(ranks), sys.executable, "-c", PROGRAM, str(out), *overrides]
     done = subprocess.run(
-        command, cwd=ROOT, env=under_mpirun(), stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        command, cwd=ROOT, env=launcher_environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True,
         timeout=600, check=False,
     )  # fmt: skip
     if done.returncode:
