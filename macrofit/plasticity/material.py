@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ..scene.keys import Scene
 from ..scene.material import (
     ChabocheHardening,
     LinearHardening,
@@ -40,3 +43,13 @@ def hardening(material: Material) -> Hardening | None:
         case TabulatedHardening():
             gains = tuple((np.array(keys.stress) - keys.stress[0]).tolist())
             return Hardening(yield_stress=stress, curve=(keys.plastic_strain, gains))
+
+
+def limit_stress(scene: Scene) -> float:
+    """Smallest shear stress that a body of a scene bears however far it flows [MPa]; infinite where none has a limit.
+
+    A surface carries no more, whatever presses: friction beyond it is not overcome by sliding, and the steel flows
+    without limit.
+    """
+    laws = (hardening(scene.axle.material), hardening(scene.wheel.material))
+    return min((law.limit for law in laws if law is not None), default=math.inf) / math.sqrt(3.0)
