@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks plastic_limit [--quick]
 
-`wheelset` of 250 MPa on 3 mm facets (preset fast), pressed 60 mm. A surface bears k = 250 / sqrt(3) = 144 MPa of shear
+`wheelset` of 250 MPa on 3 mm facets (preset fast), pressed 45 mm. A surface bears k = 250 / sqrt(3) = 144 MPa of shear
 and no more, unless the steel hardens. Where friction would hold more, mu p > k, the wheel does not slide there: the
 steel flows along the surface, by as much as the wheel moves, and in one row of elements. First table: ideal plasticity
 with more and more friction, then the roughest with a little hardening. Given is friction's largest share of k on the
@@ -89,7 +89,7 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks plastic_limit", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a short way")
     options = parser.parse_args(words)
-    travel = 16.0 if options.quick else 60.0
+    travel = 16.0 if options.quick else 45.0
     print(
         head(
             "H [MPa]", "friction", "displacement [mm]", "mu p / k", "plastic strain [%]",
