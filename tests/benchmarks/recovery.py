@@ -8,8 +8,8 @@ the ends of the contact. Given is the root of the mean square of the difference 
 and over the root of its mean square in brackets. At 22 mm the stress of the run is largest; what presses there is 6 mm
 long. What part of the difference below the surface is the recovery's is seen from the finer solution's stress at the
 Gauss points of the coarser mesh, recovered there, and what part is lost between nodes from its stress at these. What it
-must show with 1 mm: below the surface at most 2 % (axle) and 0.3 % (wheel), on it 5 %. The second table is of steel that
-yields at 420 MPa and hardens by 5 GPa; on the surface once more where it flowed on the finer mesh.
+must show with 1 mm: below the surface at most 2 % (axle) and 0.3 % (wheel), on it 5 %. The second table is of steel
+that yields at 420 MPa and hardens by 5 GPa; on the surface once more where it flowed on the finer mesh.
 """
 
 from __future__ import annotations
