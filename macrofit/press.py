@@ -23,11 +23,10 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
-from .plasticity.material import limit_stress
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
-from .state import State, Step, accepted, nothing_touches, slip_work
+from .state import State, Step, accepted, nothing_touches, remedy, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -155,25 +154,11 @@ class Press:
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
-                        f"{self._remedy(state, step, cools=cools)}"
+                        f"{remedy(self.scene, state, step, cools=cools)}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
                 target = displacement
-
-    def _remedy(self, state: State, failed: Step, *, cools: bool) -> str:
-        """What may help a step from a state that failed; a shorter one does not at a limit load."""
-        shorter = "a larger motion.cooling" if cools else "a smaller motion.increment"
-        if failed.settled is not None and not failed.settled.converged:
-            bears = limit_stress(self.scene)
-            holds = float((failed.facets.friction * state.pressure).max(initial=0.0))
-            if holds > bears:
-                return (
-                    f"material.hardening or less friction: friction holds up to {holds:.3g} MPa, and the steel flows "
-                    f"along the surface at {bears:.3g} MPa, its limit load, rather than slide"
-                )
-            return f"{shorter}, or material.hardening or less friction, for plastic strain and contact did not settle"
-        return f"{shorter}, or {'contact.gamma0 nearer to 10' if self.seat.nitsche else 'contact.penalty_stiffness'}"
 
     def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """Solve one displacement from a committed state, which is left as it is.

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..base.arrays import FloatArray
 from ..scene.keys import Scene
 from ..scene.material import (
     ChabocheHardening,
@@ -45,11 +46,17 @@ def hardening(material: Material) -> Hardening | None:
             return Hardening(yield_stress=stress, curve=(keys.plastic_strain, gains))
 
 
-def limit_stress(scene: Scene) -> float:
-    """Smallest shear stress that a body of a scene bears however far it flows [MPa]; infinite where none has a limit.
+def limit_load(scene: Scene, friction: FloatArray) -> str:
+    """What is said where friction (facets,) [MPa] holds more than a surface of a scene's bodies ever bears in shear.
 
-    A surface carries no more, whatever presses: friction beyond it is not overcome by sliding, and the steel flows
-    without limit.
+    Such friction is not overcome by sliding: the steel flows without limit. Empty where it bears more, or hardens.
     """
     laws = (hardening(scene.axle.material), hardening(scene.wheel.material))
-    return min((law.limit for law in laws if law is not None), default=math.inf) / math.sqrt(3.0)
+    bears = min((law.limit for law in laws if law is not None), default=math.inf) / math.sqrt(3.0)
+    holds = float(friction.max(initial=0.0))
+    if holds <= bears:
+        return ""
+    return (
+        f"friction holds up to {holds:.3g} MPa, and the steel flows along the surface at {bears:.3g} MPa, its limit "
+        f"load, rather than slide"
+    )
