@@ -27,7 +27,7 @@ POINTS = 10
 """Gauss points that the plane of a node is fitted to; with 6 or 16 it is 1 % of the largest stress worse."""
 
 BESIDE = 2
-"""Nearest Gauss points any of which flowed where a node is taken to have flowed."""
+"""Nearest Gauss points one of which flowed where a node is taken to have flowed."""
 
 NEAREST = 0.05
 """Distance, in that of the farthest, at which a point's weight of 1 / distance stops growing."""
@@ -66,10 +66,12 @@ class SurfaceFit:
     def flowed(self, accumulated: FloatArray, elastic: FloatArray) -> BoolArray:
         """At which nodes of the line (n,) steel flowed, from the accumulated plastic strain (points,).
 
-        There, and where the stress (n, 4) [MPa] of an elastic surface would lie beyond the yield stress.
+        One of the nearest points flowed, and so did the surface by the plane: it may stay elastic above what flowed. Or
+        the stress (n, 4) [MPa] of an elastic surface would lie beyond the yield stress.
         """
         beside = (accumulated[self._near[:, :BESIDE]] > 0.0).any(axis=1)
-        return np.asarray(beside | (von_mises(elastic.T) > self.body.law.yield_stress))
+        above = self.at(np.arange(len(self._near)), accumulated) > 0.0
+        return np.asarray((beside & above) | (von_mises(elastic.T) > self.body.law.yield_stress))
 
     def at(self, nodes: IntArray, values: FloatArray) -> FloatArray:
         """Values (m, ...) at some nodes of the line, of those at the points (points, ...)."""
