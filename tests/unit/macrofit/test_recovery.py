@@ -171,7 +171,7 @@ def test_a_line_that_flowed_has_its_traction_and_its_yield_stress(grown: float) 
 
 
 def test_where_a_line_flowed() -> None:
-    """Beside points that flowed, but not where the strain ends below the line; and where Hooke's stress is too large."""
+    """Beside points that flowed, but not where the strain ends below the line; and where Hooke says too much."""
     made, evaluator = body("axle", 2)
     fit = SurfaceFit(PlasticBody(made, Hardening(yield_stress=300.0)))
     elastic = np.zeros((len(made.line.nodes), 4))
