@@ -113,7 +113,9 @@ class Press:
         """The state after an increment; where steel may yield, with what changed in it."""
         if self.yielding is None or before.flow is None or after.flow is None:
             return after
-        flow, changes = self.yielding.increment(before.flow, after.flow, after.displacement - before.displacement)
+        flow, changes = self.yielding.increment(
+            before.flow, after.flow, after.displacement - before.displacement, after.displacement
+        )
         return replace(after, flow=flow, changes=changes)
 
     def resumed(self, states: list[State]) -> State:
