@@ -86,14 +86,14 @@ class Yielding:
         """Nothing flowed yet."""
         return {name: body.rest() for name, body in self.bodies.items()}
 
-    def increment(self, before: Flow, after: Flow, moved: float, end: float) -> tuple[Flow, dict[str, Changes]]:
+    def increment(self, before: Flow, after: Flow, moved: float, place: float) -> tuple[Flow, dict[str, Changes]]:
         """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks.
 
         Args:
             before: the flow before it.
             after: that after it.
             moved: travel of the wheel in it [mm].
-            end: the displacement it ends at [mm].
+            place: the displacement it ends at [mm].
 
         Raises:
             ConvergenceError: a body flows whose yield stress is too far below its Young's modulus for that.
@@ -106,9 +106,9 @@ class Yielding:
         for name in self.unseen:
             if len(changes[name]["points"]):
                 raise ConvergenceError(
-                    f"{name}.material: flows at {end:.6g} mm, and its yield stress is less than {SOFTEST:g} of its youngs_modulus; no "
-                    f"solid yields so soon, and the contact would not see what it bears; both are in MPa, or take "
-                    f"{name}.material.elastic = true for a rigid tool"
+                    f"{name}.material: flows at {place:.6g} mm, and its yield stress is less than {SOFTEST:g} of its "
+                    f"youngs_modulus; no solid yields so soon, and the contact would not see what it bears; both are "
+                    f"in MPa, or take {name}.material.elastic = true for a rigid tool"
                 )
         return flow, changes
 
