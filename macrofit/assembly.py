@@ -17,6 +17,7 @@ from .friction import BuildContext, FrictionField, ScriptFriction, build_provide
 from .parallel import SharedAsk, owner, summed
 from .plasticity.material import hardening
 from .press import Engine
+from .scene.checks import SOFTEST
 from .scene.keys import Scene
 from .solution import TILE, tiles
 
@@ -166,7 +167,12 @@ def yielding_of(scene: Scene, assembly: Assembly) -> Yielding | None:
         law = laws[name]
         if law is not None and name not in assembly.plastic and owner(assembly.comm, name) == assembly.comm.rank:
             assembly.plastic[name] = PlasticBody(assembly.bodies[name], law)
-    return Yielding(assembly.comm, assembly.plastic, names)
+    unseen = tuple(
+        name
+        for name, law in laws.items()
+        if law is not None and law.yield_stress < SOFTEST * getattr(scene, name).material.youngs_modulus
+    )
+    return Yielding(assembly.comm, assembly.plastic, names, unseen)
 
 
 def engine_of(scene: Scene, seat: Seat, axle: CondensedBody, wheel: CondensedBody, bodies: dict[str, Body]) -> Engine:

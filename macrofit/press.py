@@ -26,7 +26,7 @@ from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
-from .state import State, Step, accepted, nothing_touches, slip_work
+from .state import State, Step, accepted, nothing_touches, remedy, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -113,7 +113,9 @@ class Press:
         """The state after an increment; where steel may yield, with what changed in it."""
         if self.yielding is None or before.flow is None or after.flow is None:
             return after
-        flow, changes = self.yielding.increment(before.flow, after.flow, after.displacement - before.displacement)
+        flow, changes = self.yielding.increment(
+            before.flow, after.flow, after.displacement - before.displacement, after.displacement
+        )
         return replace(after, flow=flow, changes=changes)
 
     def resumed(self, states: list[State]) -> State:
@@ -150,22 +152,15 @@ class Press:
             else:
                 halvings, cutbacks = halvings + 1, cutbacks + 1
                 if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
-                    remedy = self._remedy(step)
                     cools = thermal_strain not in (None, state.thermal_strain)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
-                        f"{'a larger motion.cooling' if cools else 'a smaller motion.increment'}, or {remedy}"
+                        f"{remedy(self.scene, state, step, cools=cools)}"
                     )
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
                 target = displacement
-
-    def _remedy(self, failed: Step) -> str:
-        """What may help a step that failed, beside a shorter one."""
-        if failed.settled is not None and not failed.settled.converged:
-            return "material.hardening or less friction, for plastic strain and contact did not settle"
-        return "contact.gamma0 nearer to 10" if self.seat.nitsche else "contact.penalty_stiffness"
 
     def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """Solve one displacement from a committed state, which is left as it is.

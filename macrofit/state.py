@@ -10,12 +10,14 @@ import numpy as np
 from .base.arrays import FloatArray, IntArray
 from .contact.newton import Report
 from .contact.status import OPEN, STICK
+from .plasticity.material import limit_load
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
     from .contact.law import ContactProblem
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
+    from .scene.keys import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +133,17 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         wall_s=wall_s,
         facets=last.facets,
     )
+
+
+def remedy(scene: Scene, state: State, failed: Step, *, cools: bool) -> str:
+    """What may help a step from a state that failed; a shorter one does not at a limit load."""
+    shorter = "a larger motion.cooling" if cools else "a smaller motion.increment"
+    if failed.settled is None or failed.settled.converged:
+        nitsche = scene.contact.formulation == "nitsche"
+        return f"{shorter}, or {'contact.gamma0 nearer to 10' if nitsche else 'contact.penalty_stiffness'}"
+    steel = "material.hardening or less friction"
+    limit = limit_load(scene, failed.facets.friction * state.pressure)
+    return f"{steel}: {limit}" if limit else f"{shorter}, or {steel}, for plastic strain and contact did not settle"
 
 
 def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:

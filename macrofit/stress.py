@@ -22,6 +22,7 @@ from .state import State
 
 if TYPE_CHECKING:
     from .plasticity.history import FlowHistory
+    from .plasticity.surface import PlasticFields
 
 _BATCH = 32  # right-hand sides at once
 
@@ -120,17 +121,17 @@ def _evaluate(
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)
         displacement = body.back_substitute(forces)
-        inner, accumulated = None, None
+        inner = plastic = None
         if flow is not None:
-            strains, accumulated = flow.at(batch)
-            inner = flow.loads(strains)
+            plastic = flow.at(batch)
+            inner = flow.loads(plastic.strain)
             moved = [at for at, k in enumerate(batch) if flowed[k]]
             if moved:
                 displacement[:, moved] += body.solve(inner[:, moved])
         reactions[batch] = body.reaction(displacement, forces, inner)
         stress = evaluator.stress(displacement)
-        if flow is not None:
-            stress -= flow.stresses(strains)
+        if flow is not None and plastic is not None:
+            stress -= flow.stresses(plastic.strain)
         if everywhere:
             equivalent = von_mises(stress)
             best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
@@ -138,15 +139,15 @@ def _evaluate(
                 beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(tractions):
             at = batch.index(k)
-            plastic = None if accumulated is None else (strains[:, :, at], accumulated[:, at])
-            fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], plastic, travels[k])
+            own = None if plastic is None else plastic.of(at)
+            fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], flow, own, travels[k])
     return _BodyStresses(
         extreme=best,
         fields=fields,
         reactions=reactions,
         zone=_zone(evaluator, best, beyond, stated)
         if flow is None
-        else _flow_zone(evaluator, flow.at([len(loads) - 1])[1][:, 0], travels[-1]),
+        else _flow_zone(evaluator, flow.at([len(loads) - 1]).accumulated[:, 0], travels[-1]),
         yields=flow is not None,
     )
 
@@ -205,16 +206,17 @@ def _field(
     displacement: FloatArray,
     stress: FloatArray,
     traction: FloatArray,
-    plastic: tuple[FloatArray, FloatArray] | None,
+    flow: FlowHistory | None,
+    plastic: PlasticFields | None,
     travel: float,
 ) -> BodyField:
-    """The fields of a body; ``plastic`` are the plastic strains of its points, and the accumulated ones."""
+    """The fields of a body; ``plastic`` is what its points remember."""
     body, patches = evaluator.body, evaluator.patches
     recovered, on_line = patches.recover(stress, traction), body.trace[: len(body.line.nodes)]
-    elastic = np.ones(len(on_line), dtype=bool)
-    if plastic is not None:  # beside what flowed the strain is too steep, and the fit to the stresses is nearer
-        elastic = ~patches.recover(plastic[0].T)[on_line].any(axis=1)
-    recovered[on_line[elastic]] = surface_stress(body, displacement, traction)[elastic]
+    recovered[on_line] = elastic = surface_stress(body, displacement, traction)
+    if flow is not None and plastic is not None:
+        flowed = np.flatnonzero(flow.surface.flowed(plastic.accumulated, elastic))
+        recovered[on_line[flowed]] = flow.surface.stress(flowed, stress, plastic, traction)
     points = body.space.nodes + np.array([0.0, travel if body.which == "wheel" else 0.0])
     return BodyField(
         points=points,
@@ -222,7 +224,7 @@ def _field(
         displacement=displacement.reshape(-1, 2),
         stress=recovered,
         von_mises=von_mises(recovered.T),
-        plastic_strain=None if plastic is None else _recovered_plastic(evaluator, plastic[1]),
+        plastic_strain=None if plastic is None else _recovered_plastic(evaluator, plastic.accumulated),
     )
 
 

@@ -10,7 +10,8 @@ vertices there, with the weight `TRACTION`, and couples the components rr, zz, r
 
     least of sum_p |P(x_p) - sigma_p|^2 + TRACTION sum_f |P(x_f) n_f - t_f|^2
 
-That serves the nodes beside the line; those on it take their stress from `surface`, unless steel flowed there.
+That serves the nodes beside the line; those on it take their stress from `surface`, or from `plasticity.surface` where
+steel flowed.
 
 Source: Zienkiewicz, Zhu, Int. J. Numer. Meth. Eng. 33 (1992) 1331-1364 (doi 10.1002/nme.1620330702); with boundary
 tractions in the patch: Blacker, Belytschko, ibid. 37 (1994) 517-536 (doi 10.1002/nme.1620370309).

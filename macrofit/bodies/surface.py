@@ -10,8 +10,8 @@ Nothing reaches across the edge of the contact or into the body, as the patch of
 boundary elements (Brebbia, Telles, Wrobel, *Boundary Element Techniques*, 1984, 5.8). The traction of a vertex is the
 mean of its two facets'; the strain, smoother, is a parabola over each facet with its mean.
 
-Where steel flowed, eps - eps_p would be needed at the surface, where eps_p is steep: 0.1 % of strain is 230 MPa. The
-fit of the patches is kept there.
+Where steel flowed, eps - eps_p would be needed at the surface, where eps_p is steep: 0.1 % of strain is 230 MPa. See
+`plasticity.surface` for these nodes.
 """
 
 from __future__ import annotations
@@ -35,14 +35,25 @@ def surface_stress(body: Body, displacement: FloatArray, traction: FloatArray) -
     ends, moved = line.nodes[:: line.order], u[:: line.order]
     along = np.diff(ends, axis=0) / line.length[:, None]
     mean = (np.diff(moved, axis=0) * along).sum(axis=1) / line.length
-    n_r, n_z = _normals(body).T
     stretch, radius = _parabolic(mean, line.order), line.nodes[:, 0]
     hoop = np.where(radius > 0.0, u[:, 0] / np.where(radius > 0.0, radius, 1.0), stretch)  # alike on the axis
-    t_r, t_z = _linear(traction, line.order).T
-    normal, shear = n_r * t_r + n_z * t_z, n_r * t_z - n_z * t_r
+    n_r, n_z, normal, shear = line_traction(body, traction)
     nu = material.poisson_ratio
     k, pressed = material.youngs_modulus / (1.0 - nu**2), nu / (1.0 - nu) * normal
     tangential, around = pressed + k * (stretch + nu * hoop), pressed + k * (hoop + nu * stretch)
+    return from_line(n_r, n_z, np.stack([normal, tangential, around, shear]))
+
+
+def line_traction(body: Body, traction: FloatArray) -> FloatArray:
+    """Unit normal n_r, n_z, normal and shear part of a traction (facets, 2) [MPa] at the nodes of the line, (4, n)."""
+    n_r, n_z = _normals(body).T
+    t_r, t_z = _linear(traction, body.line.order).T
+    return np.stack([n_r, n_z, n_r * t_r + n_z * t_z, n_r * t_z - n_z * t_r])
+
+
+def from_line(n_r: FloatArray, n_z: FloatArray, stress: FloatArray) -> FloatArray:
+    """Stresses (n, 4) = (rr, zz, tt, rz) of those in the frame of a line (4, n): s_n, s_m, s_t and tau."""
+    normal, tangential, around, shear = stress
     return np.stack(
         [
             normal * n_r**2 + tangential * n_z**2 - 2.0 * shear * n_r * n_z,
@@ -51,6 +62,19 @@ def surface_stress(body: Body, displacement: FloatArray, traction: FloatArray) -
             (normal - tangential) * n_r * n_z + shear * (n_r**2 - n_z**2),
         ],
         axis=1,
+    )
+
+
+def to_line(n_r: FloatArray, n_z: FloatArray, stress: FloatArray) -> FloatArray:
+    """The inverse of `from_line`."""
+    rr, zz, tt, rz = stress.T
+    return np.stack(
+        [
+            rr * n_r**2 + zz * n_z**2 + 2.0 * rz * n_r * n_z,
+            rr * n_z**2 + zz * n_r**2 - 2.0 * rz * n_r * n_z,
+            tt,
+            (zz - rr) * n_r * n_z + rz * (n_r**2 - n_z**2),
+        ]
     )
 
 

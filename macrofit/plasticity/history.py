@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from ..base.arrays import FloatArray
 from .body import Changes, PlasticBody
+from .surface import PlasticFields, SurfaceFit
 
 
 class FlowHistory:
@@ -18,19 +20,29 @@ class FlowHistory:
         flowed = [each is not None and len(each["points"]) > 0 for each in changes]
         self.any: list[bool] = np.logical_or.accumulate(flowed).tolist()
         self._strain, self._accumulated, self._done = np.zeros((body.count, 4)), np.zeros(body.count), 0
+        self._back = np.zeros((body.count, 4))
 
-    def at(self, numbers: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Plastic strains (points, 4, k) and accumulated ones (points, k) after k increments [-]."""
-        strains, accumulated = [], []
+    @cached_property
+    def surface(self) -> SurfaceFit:
+        """What finds the stress of a contact line that flowed; made when a field is first asked for."""
+        return SurfaceFit(self.body)
+
+    def at(self, numbers: Sequence[int]) -> PlasticFields:
+        """What the points remember after k increments."""
+        strains, accumulated, backs = [], [], []
         for number in numbers:
             for each in self._changes[self._done : number + 1]:
                 if each:
                     self._strain[each["points"]] = each["strain"]
                     self._accumulated[each["points"]] = each["accumulated"]
+                    self._back[each["points"]] = each["back"].sum(axis=1)
             self._done = max(self._done, number + 1)
             strains.append(self._strain.copy())
             accumulated.append(self._accumulated.copy())
-        return np.stack(strains, axis=2), np.stack(accumulated, axis=1)
+            backs.append(self._back.copy())
+        return PlasticFields(
+            strain=np.stack(strains, axis=2), accumulated=np.stack(accumulated, axis=1), back=np.stack(backs, axis=2)
+        )
 
     def loads(self, strains: FloatArray) -> FloatArray:
         """f_p (dofs, k) [N] of plastic strains (points, 4, k)."""

@@ -22,6 +22,7 @@ Chaboche, Mechanics of Solid Materials (1990), 5.4.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -50,6 +51,13 @@ class Hardening:
     """C_i of each back-stress [MPa]: growth of the uniaxial back-stress by plastic strain."""
     recalls: tuple[float, ...] = ()
     """g_i of each back-stress [-]; 0: linear."""
+
+    @property
+    def limit(self) -> float:
+        """Largest stress under tension that the steel comes to bear however far it flows [MPa], infinite by a line."""
+        backs = [c / g if g else math.inf for c, g in zip(self.moduli, self.recalls, strict=True) if c]
+        grown = math.inf if self.isotropic else self.saturation + max(self.curve[1], default=0.0)
+        return self.yield_stress + grown + math.fsum(backs)
 
     def radius(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """R [MPa] and dR/dp [MPa] at accumulated plastic strains p (n,)."""

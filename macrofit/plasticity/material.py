@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ..base.arrays import FloatArray
+from ..scene.keys import Scene
 from ..scene.material import (
     ChabocheHardening,
     LinearHardening,
@@ -40,3 +44,19 @@ def hardening(material: Material) -> Hardening | None:
         case TabulatedHardening():
             gains = tuple((np.array(keys.stress) - keys.stress[0]).tolist())
             return Hardening(yield_stress=stress, curve=(keys.plastic_strain, gains))
+
+
+def limit_load(scene: Scene, friction: FloatArray) -> str:
+    """What is said where friction (facets,) [MPa] holds more than a surface of a scene's bodies ever bears in shear.
+
+    Such friction is not overcome by sliding: the steel flows without limit. Empty where it bears more, or hardens.
+    """
+    laws = (hardening(scene.axle.material), hardening(scene.wheel.material))
+    bears = min((law.limit for law in laws if law is not None), default=math.inf) / math.sqrt(3.0)
+    holds = float(friction.max(initial=0.0))
+    if holds <= bears:
+        return ""
+    return (
+        f"friction holds up to {holds:.3g} MPa, and the steel flows along the surface at {bears:.3g} MPa, its limit "
+        f"load, rather than slide"
+    )

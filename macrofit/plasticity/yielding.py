@@ -21,7 +21,9 @@ from mpi4py import MPI
 
 from ..base.arrays import FloatArray
 from ..contact.eigen import Eigen
+from ..errors import ConvergenceError
 from ..parallel import owner
+from ..scene.checks import SOFTEST
 from .anderson import Anderson
 from .body import BodyFlow, BodyStep, Changes, Ended, PlasticBody, changed
 
@@ -65,22 +67,50 @@ class Settled:
 
 
 class Yielding:
-    """The bodies that may yield, wherever they are."""
+    """The bodies that may yield, wherever they are.
 
-    def __init__(self, comm: MPI.Comm, bodies: dict[str, PlasticBody], names: tuple[str, ...]) -> None:
-        self.comm, self.bodies, self.names = comm, bodies, names
+    Args:
+        comm: the ranks.
+        bodies: those of this rank.
+        names: of all that may yield.
+        unseen: of those that yield at less than `scene.checks.SOFTEST` of their Young's modulus, nearly rigid tools:
+            right while nothing in them flows; then the contact would not see what they bear.
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, bodies: dict[str, PlasticBody], names: tuple[str, ...], unseen: tuple[str, ...] = ()
+    ) -> None:
+        self.comm, self.bodies, self.names, self.unseen = comm, bodies, names, unseen
 
     def rest(self) -> Flow:
         """Nothing flowed yet."""
         return {name: body.rest() for name, body in self.bodies.items()}
 
-    def increment(self, before: Flow, after: Flow, moved: float) -> tuple[Flow, dict[str, Changes]]:
-        """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks."""
+    def increment(self, before: Flow, after: Flow, moved: float, place: float) -> tuple[Flow, dict[str, Changes]]:
+        """The flow of a whole increment, which may be of several steps, and what changed in it, on all ranks.
+
+        Args:
+            before: the flow before it.
+            after: that after it.
+            moved: travel of the wheel in it [mm].
+            place: the displacement it ends at [mm].
+
+        Raises:
+            ConvergenceError: a body flows whose yield stress is too far below its Young's modulus for that.
+        """
         flow = {}
         for name in self.bodies:
             end = after[name]
             flow[name] = BodyFlow.between(before[name].state, end.state, moved, end.ended)
-        return flow, self._shared({name: body.changes() for name, body in flow.items()})
+        changes = self._shared({name: body.changes() for name, body in flow.items()})
+        for name in self.unseen:
+            if len(changes[name]["points"]):
+                raise ConvergenceError(
+                    f"{name}.material: flows at {place:.6g} mm, and its yield stress is less than {SOFTEST:g} of its "
+                    f"youngs_modulus; no solid yields so soon, and the contact would not see what it bears; both are "
+                    f"in MPa, or take {name}.material.elastic = true for a rigid tool"
+                )
+        return flow, changes
 
     def restored(self, changes: list[dict[str, Changes]], moved: float) -> Flow:
         """The flow after all these increments, the last of which moved the wheel by so much [mm]."""

@@ -16,7 +16,8 @@ SHORTEST_LENGTH = 1e-7
 
 SOFTEST = 2e-5
 """Smallest yield stress that can be followed, in Young's moduli: the elastic strain at yield, of which the plastic
-strain of a step is found to 1e-3; a hub of 2e-5 E is right to 1 %, of 1e-5 E to 9 %, and of 5e-7 E bears nothing."""
+strain of a step is found to 1e-3; a hub of 2e-5 E is right to 1 %, of 1e-5 E to 9 %, and of 5e-7 E bears nothing. A
+tool that is nearly rigid may state less, as long as it does not flow: see `plasticity.yielding`."""
 
 NO_LENGTHS = ("taper", "bore_taper", "web_offset")
 """Keys of a body that are no lengths, or may be as small as they like."""
@@ -78,8 +79,11 @@ def _check_material(where: str, material: Material, scene: Scene) -> None:
     if first is None or material.elastic:
         return
     key = "hardening.stress" if isinstance(keys, TabulatedHardening) else "grade" if stated is None else "yield_stress"
+    moduli = [material.youngs_modulus]
+    if key != "grade":  # a body much stiffer than the other is a tool, and need not flow
+        moduli += [body.material.youngs_modulus for body in (scene.axle, scene.wheel)]
     _need(
-        first >= SOFTEST * material.youngs_modulus,
+        first >= SOFTEST * min(moduli),
         f"{where}.{key}: {first} is less than {SOFTEST:g} of "
         f"{where}.youngs_modulus, {material.youngs_modulus:.6g}: no solid yields so soon, and the contact would not "
         f"see what it bears; both are in MPa",

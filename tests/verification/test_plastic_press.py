@@ -84,6 +84,22 @@ def test_flow_that_does_not_settle_is_said_as_such(monkeypatch: pytest.MonkeyPat
     assert len(kept.kept) == 2
 
 
+@pytest.mark.parametrize(
+    ("hardening", "limit", "said"),
+    [
+        ("", 40, r"try material\.hardening .* along the surface at 144 MPa, its limit load"),
+        (", hardening={law='linear', isotropic=500}", 20, r"try a smaller motion\.increment, or material\.hardening"),
+    ],
+)
+def test_a_limit_load_is_said_as_such(hardening: str, limit: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where friction holds more than the surface ever bears in shear, neither iterations nor shorter steps help."""
+    monkeypatch.setattr("macrofit.plasticity.yielding.LIMIT", limit)
+    keys = [f"{body}.material={{yield_stress=250{hardening}}}" for body in ("axle", "wheel")]
+    scene = small_press(*keys, "friction.options.coefficient=0.6", *TO_40, "motion.max_cutbacks=2")
+    with pytest.raises(ConvergenceError, match=said):
+        solve(scene, MPI.COMM_SELF)
+
+
 # what a killed run goes on from
 
 

@@ -12,6 +12,7 @@ from found import Found
 from verification.friction_closed_forms import FrictionBar, sleeve_pressure
 
 from macrofit.contact.status import SLIP, STICK
+from macrofit.errors import ConvergenceError
 from macrofit.scene import Hub, Shaft, load_scene
 from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
@@ -90,3 +91,28 @@ def test_traction_is_the_friction_bound_where_it_slips(push_out: Solution) -> No
     assert facets.traction[slipping] == pytest.approx(bar.friction * facets.pressure[slipping], rel=1e-9)
     beyond = (depth > front + 2.0 * radius) & (depth < 360.0 - 4.0 * radius)
     assert np.abs(facets.traction[beyond]).max() < 0.01 * bar.friction * bar.pressure
+
+
+@pytest.mark.parametrize("yields", [250.0, 350.0])
+def test_a_shaft_that_flows_bears_its_limit_load_in_a_rigid_sleeve(yields: float) -> None:
+    """Ideally plastic, held by much friction: F = yield stress times section; the sleeve states one and is elastic.
+
+    1e-3: beside its axial stress the shaft bears a pressure only at the sleeve's edge.
+    """
+    steel = [f"{body}.material.yield_stress={yields}" for body in ("axle", "wheel")]
+    scene = load_scene("push-out", [*steel, "friction.options={coefficient=0.3}", "output.fields_at=[]"])
+    solution = solve(scene)
+    assert isinstance(scene.axle, Shaft)
+    assert solution.flowed["axle"].value > 1e-4
+    assert solution.flowed["wheel"].value == 0.0
+    assert solution.force[-1] == pytest.approx(yields * np.pi * scene.axle.seat_radius**2, rel=1e-3)
+
+
+def test_a_rigid_tool_that_flows_is_an_error() -> None:
+    """The sleeve bears 20 to 40 MPa: of 10 MPa it flows, and what it bears would not be seen."""
+    keys = ["wheel.material.yield_stress=10", "output.stress=false", "output.fields_at=[]"]
+    with pytest.raises(
+        ConvergenceError,
+        match=r"wheel\.material: flows at 380 mm, .* less than 2e-05 .* take wheel\.material\.elastic = true",
+    ):
+        solve(load_scene("push-out", keys))

@@ -44,6 +44,16 @@ def back_stress(law: Hardening, p: float) -> float:
 
 
 @pytest.mark.parametrize("name", LAWS)
+def test_the_limit_is_what_is_borne_after_any_flow(name: str) -> None:
+    """R + back-stress at a plastic strain of a million; what grows by a line has none."""
+    law = LAWS[name]
+    last = float(law.radius(np.array([1e6]))[0][0]) + back_stress(law, 1e6)
+    assert law.limit == (pytest.approx(last) if name in ("ideal", "table") else np.inf)
+    recalled = Hardening(yield_stress=250.0, moduli=(90e3, 20e3), recalls=(900.0, 120.0), saturation=40.0, rate=8.0)
+    assert recalled.limit == pytest.approx(250.0 + 100.0 + 20e3 / 120.0 + 40.0)
+
+
+@pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("steps", [1, 7])
 def test_monotonic_shear_is_exact_whatever_the_steps(name: str, steps: int) -> None:
     """sqrt(3) tau = R(p) + X(p) with p = plastic shear / sqrt(3): the direction does not turn, so one step is exact."""
