@@ -31,13 +31,16 @@ FEWEST = 4
 def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, dict[str, Any]]:
     """Errors, floors and coverages by part, where the pairs differ in more than R, level and exponent; else nothing.
 
-    Errors are against the mean over packings, at micro coefficients from `FROM` on.
+    Errors are against the mean over packings, at micro coefficients from `FROM` on. A pair is doubtful where the plates
+    found no equilibrium with one of its packings and were slid at a speed instead: no network learns from such tests.
     """
     first = select_samples(data.samples, np.arange(0, len(data.samples), data.packings))
     if not np.ptp(first.pressure):
         return {}
     found = {}
-    for name, rows in _parts(first.max_height, first.pressure, first.form.astype(str), first.lay.astype(str)):
+    doubtful = (data.samples.remark != b"").reshape(-1, data.packings).any(axis=1)
+    kinds = (first.form.astype(str), first.lay.astype(str), np.where(doubtful, "doubtful", "settled"))
+    for name, rows in _parts(first.max_height, first.pressure, kinds):
         if rows.sum() >= FEWEST:
             found[name] = _measures(*_taken(data, predicted, rows, data.micro >= FROM))
     every = np.ones(len(first), dtype=np.bool_)
@@ -66,14 +69,14 @@ def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tuple[str, BoolArray]]:
+def _parts(heights: Any, pressures: Any, kinds: Sequence[Any]) -> Iterator[tuple[str, BoolArray]]:
     """Name and pairs of each part but those by micro coefficient."""
     yield "all", np.ones(len(heights), dtype=np.bool_)
     for name, values, edges, unit in (("R", 1e3 * heights, [1e3 * edge for edge in HEIGHTS], "µm"),
                                       ("p", pressures, PRESSURES, "MPa")):  # fmt: skip
         for label, rows in _between(values, edges):
             yield f"{name} {label} {unit}", rows
-    for values in (forms, lays):
+    for values in kinds:
         for value in np.unique(values):
             yield str(value), values == value
 
