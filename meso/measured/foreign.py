@@ -26,8 +26,8 @@ def read_foreign(path: Path) -> RawScan:
         from SurfaceTopography import open_topography
     except ImportError as error:
         raise ScanError(
-            f"files {path.suffix} are read by SurfaceTopography, which is not there ({error}); save it as .x3p or .sur "
-            "by the instrument's program, or by SurfaceTopography in an environment of its own (docs/surfaces.md)"
+            f"files {path.suffix} are read by SurfaceTopography, which is not there ({error}); install it as "
+            "docs/surfaces.md says, or save the file as .x3p or .sur by the instrument's program"
         ) from None
     try:
         with open_topography(str(path)) as reader:

@@ -22,6 +22,8 @@ PRESSURES = (0.0, 30.0, 100.0, 300.0, 5000.0)
 """Edges of the parts by pressure [MPa]."""
 FROM = 0.05
 """Micro coefficient from which errors of a part are counted [-]: below, coefficients of rough pairs are near zero."""
+SHARES = "error", "standard_error", "floor", "error_beyond_floor", "error_over_mean", "coverage_90"
+"""What is told of a part in per cent."""
 FEWEST = 4
 """Pairs from which a part is told."""
 
@@ -29,13 +31,16 @@ FEWEST = 4
 def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, dict[str, Any]]:
     """Errors, floors and coverages by part, where the pairs differ in more than R, level and exponent; else nothing.
 
-    Errors are against the mean over packings, at micro coefficients from `FROM` on.
+    Errors are against the mean over packings, at micro coefficients from `FROM` on. A pair is doubtful where the plates
+    found no equilibrium with one of its packings and were slid at a speed instead: no network learns from such tests.
     """
     first = select_samples(data.samples, np.arange(0, len(data.samples), data.packings))
     if not np.ptp(first.pressure):
         return {}
     found = {}
-    for name, rows in _parts(first.max_height, first.pressure, first.form.astype(str), first.lay.astype(str)):
+    doubtful = (data.samples.remark != b"").reshape(-1, data.packings).any(axis=1)
+    kinds = (first.form.astype(str), first.lay.astype(str), np.where(doubtful, "doubtful", "settled"))
+    for name, rows in _parts(first.max_height, first.pressure, kinds):
         if rows.sum() >= FEWEST:
             found[name] = _measures(*_taken(data, predicted, rows, data.micro >= FROM))
     every = np.ones(len(first), dtype=np.bool_)
@@ -48,29 +53,30 @@ def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The report for a reader."""
     if not parts:
         return []
-    head = ("pairs", "error", "std.err.", "floor", "over mean", "90 %", "R2 of b")
+    head = ("pairs", "error", "std.err.", "floor", "beyond", "over mean", "90 %", "R2 of b")
     lines = ["", f"{'part [%]':24}" + "".join(f"{name:>10}" for name in head)]
     for name, row in parts.items():
-        shares = [row["error"], row["standard_error"], row["floor"], row["error_over_mean"], row["coverage_90"]]
+        shares = [row[name] for name in SHARES]
         r2 = "-" if row["r2_b"] is None else f"{row['r2_b']:.3f}"
         lines.append(
             f"  {name:22}{row['pairs']:10d}" + "".join(f"{100 * share:10.2f}" for share in shares) + f"{r2:>10}"
         )
     return [
         *lines,
-        f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named; over mean: "
-        "of all pairs over the mean coefficient of all, for single rough pairs have coefficients near zero",
+        f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named; floor: what "
+        "the few packings leave to chance; beyond: root of error^2 - floor^2; over mean: of all pairs over the mean "
+        "coefficient of all, for single rough pairs have coefficients near zero",
     ]
 
 
-def _parts(heights: Any, pressures: Any, forms: Any, lays: Any) -> Iterator[tuple[str, BoolArray]]:
+def _parts(heights: Any, pressures: Any, kinds: Sequence[Any]) -> Iterator[tuple[str, BoolArray]]:
     """Name and pairs of each part but those by micro coefficient."""
     yield "all", np.ones(len(heights), dtype=np.bool_)
     for name, values, edges, unit in (("R", 1e3 * heights, [1e3 * edge for edge in HEIGHTS], "µm"),
                                       ("p", pressures, PRESSURES, "MPa")):  # fmt: skip
         for label, rows in _between(values, edges):
             yield f"{name} {label} {unit}", rows
-    for values in (forms, lays):
+    for values in kinds:
         for value in np.unique(values):
             yield str(value), values == value
 
@@ -94,13 +100,18 @@ def _taken(
 
 
 def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
-    """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b."""
+    """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b.
+
+    The mean over few packings is itself off by the floor, which adds to the network's error as squares do.
+    """
     of_mean, mean = relative_errors(data, predicted)[1].mean(1), data.meso.mean(1)
+    error, floor = float(of_mean.mean()), float(data.noise_floor.mean() / np.sqrt(data.packings))
     return {
         "pairs": len(data.meso),
-        "error": float(of_mean.mean()),
+        "error": error,
         "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
-        "floor": float(data.noise_floor.mean() / np.sqrt(data.packings)),
+        "floor": floor,
+        "error_beyond_floor": float(np.sqrt(np.maximum(error**2 - floor**2, 0.0))),
         "error_over_mean": float(np.abs(predicted.mean.mean(1) - mean).sum() / np.abs(mean).sum()),
         "coverage_90": float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan"),
         "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,

@@ -28,7 +28,7 @@ LAWS_PER_CHUNK = 512
 LEAST_SPREAD = 1e-5
 """Lower bound of a standard deviation [-]."""
 FLOOR_UNIT = 1e-3
-"""What the floor of the spread of b, and the spread of a, are counted in [-]."""
+"""What the floors of the spreads of b and of a are counted in [-]."""
 CONSTANT_FORCE = 3
 """Place of what is held while sliding among the features of a wide ensemble."""
 BEYOND = 0.1
@@ -147,7 +147,8 @@ class TrainedEnsemble:
         if not floors:
             return np.stack([a, b, spread])
         unit = np.float32(FLOOR_UNIT)
-        return np.stack([a, b, spread + unit * positive(floors[0]), unit * positive(floors[1])])
+        of_a = positive(floors[1]) * (features[:, 0] + unit)
+        return np.stack([a, b, spread + unit * positive(floors[0]), of_a])
 
     def affine_laws(self, slopes: Single, features: Single) -> Single:
         """What `member_laws` gives, with a row for each pair: (pairs, 3 or 4, members)."""

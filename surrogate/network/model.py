@@ -32,8 +32,8 @@ class FoundationEnsemble(nn.Module):
 
     The features are the roughness and the slope of the upper halves of both faces, and for each foundation the mean
     and the smallest load and the mean depth along the slide. One that is `wide` knows pairs of many loads, at constant
-    height or force: both are features too, and its spread is sqrt(s_b^2 + (s_a mu_micro)^2), where s_b grows with the
-    roughness from a floor: packings differ however smooth the faces are.
+    height or force: both are features too, and its spread is sqrt(s_b^2 + (s_a mu_micro)^2), where s_b and s_a grow
+    with the roughness from a floor: packings differ however smooth the faces are.
 
     The answer for a pair has the same bits whatever other pairs are asked for. The nodes of a face are summed one face
     at a time, those of a pair in chunks of one size; what follows has only operations that are exactly rounded on each
@@ -132,7 +132,8 @@ class FoundationEnsemble(nn.Module):
         spread = positive(wide) * features[:, 0] + LEAST_SPREAD
         if not floors:
             return a, b, spread
-        return a, b, spread + FLOOR_UNIT * positive(floors[0]), FLOOR_UNIT * positive(floors[1])
+        of_a = positive(floors[1]) * (features[:, 0] + FLOOR_UNIT)
+        return a, b, spread + FLOOR_UNIT * positive(floors[0]), of_a
 
     def slope_terms(self, slopes: Tensor) -> Tensor:
         """What the weights of b multiply: slopes of the foundations, and the unit of the constant if there is one."""

@@ -42,3 +42,5 @@ NETWORK, PAPER, EVALUATION = SHIPPED["slow"][:3]
 """Those of the default plates."""
 ENVELOPE = FOLDER / "envelope.safetensors"
 """Ensemble on foundations for the envelopes of the spheres of the default plates."""
+WIDE_EVALUATION, ROUGH_EVALUATION = FOLDER / "wide-evaluation.csv.gz", FOLDER / "rough-evaluation.csv.gz"
+"""Friction tests of unseen pairs of the wide design, and of more of its rough part."""

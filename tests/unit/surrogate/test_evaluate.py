@@ -261,6 +261,18 @@ def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     assert parts_report(DATA, TRUE) == {}  # all at one pressure
 
 
+def test_what_few_packings_leave_to_chance_is_no_error_of_the_network() -> None:
+    """Who knows the mean over all packings errs by the floor, and who is off by 5 % by little more than that."""
+    samples = made(200, PACKINGS, seed=6)
+    data = arrange_tests(replace(samples, pressure=np.where(np.arange(len(samples)) < 300, 20.0, 200.0)))
+    b = 1e-3 * np.random.default_rng(6).standard_normal(200)
+    true = data.spread_out(1.03 * data.micro + b[:, None])
+    for off in (0.0, 0.05):
+        all_pairs = parts_report(data, PredictedPairs("off", (1.0 + off) * true, np.ones(true.shape)))["all"]
+        assert all_pairs["error"] ** 2 == pytest.approx(all_pairs["floor"] ** 2 + off**2, rel=0.15)
+        assert all_pairs["error_beyond_floor"] == pytest.approx(off, abs=0.004)
+
+
 def test_a_table_comes_back_to_the_bit(tmp_path: Path) -> None:
     write_table(Database(HEADER, SAMPLES, {}, "hash"), tmp_path / "t.csv")
     found = open_samples(tmp_path / "t.csv")
