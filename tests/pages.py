@@ -75,7 +75,7 @@ def toy(words: list[str]) -> list[str]:
     """A command that does the same in little: a short way, coarse meshes, few spheres, few pairs."""
     program, command, *rest = words
     if program == "macrofit" and (command == "service" or "--service" in rest):
-        rest = [word.replace("=0.1:0.6:0.1", "=0.2,0.4").replace("=1:200", "=1:2") for word in rest]
+        rest = [word.replace("=0.1:0.3:0.05", "=0.2,0.4").replace("=1:200", "=1:2") for word in rest]
         return [program, command, *rest, *(word for key in SERVICE_KEYS for word in ("--set", key))]
     if program == "macrofit" and command in ("run", "study", "identify", "converge"):
         for large, small in SMALLER.items():

@@ -80,6 +80,8 @@ def bonded_solution(whole: Wheelset) -> Bonded:
     """The bonded solution in the harmonics that bend, push or twist the axle: 1, and 0 where a load needs it."""
     keys = whole.loads.keys
     wanted = (0, 1) if keys.lateral_force or keys.torque else (1,)
+    for body in (whole.fit.axle, whole.fit.wheel):
+        body.single = len(wanted) == 1
     return in_bending(whole, {n: one_harmonic(whole, n) for n in wanted})
 
 

@@ -21,6 +21,7 @@ Source: Zienkiewicz, Taylor, *The Finite Element Method*, chapter on semi-analyt
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -33,6 +34,9 @@ from ..bodies.fenics import Discretisation, tabulate
 from ..scene.material import Material
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+
+Products: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], list[FloatArray]]
+"""Matrices of cells from B_0, B_1, D and the weights of the points, summed over these."""
 
 CELLS = 2048
 """Cells whose stiffness is computed at once."""
@@ -101,7 +105,24 @@ def strain_operators(order: int, corners: FloatArray, points: FloatArray) -> tup
 
 
 def assemble_harmonics(space: Discretisation, material: Material) -> Stiffness:
-    """The three matrices of a body."""
+    """The three matrices of a body, for all harmonics."""
+    first, second, third = _assembled(space, material, _products)
+    return Stiffness(parts=(first, second, third))
+
+
+def assemble_harmonic(space: Discretisation, material: Material, n: int) -> sp.csr_matrix:
+    """K_n alone, in half the time of all three matrices."""
+
+    def product(first: FloatArray, second: FloatArray, D: FloatArray, scale: FloatArray) -> list[FloatArray]:
+        B = first + float(n) * second
+        flat = (len(B), -1, B.shape[-1])
+        return [np.swapaxes((D @ (scale * B)).reshape(flat), 1, 2) @ B.reshape(flat)]
+
+    return _assembled(space, material, product)[0]
+
+
+def _assembled(space: Discretisation, material: Material, products: Products) -> list[sp.csr_matrix]:
+    """The matrices whose blocks ``products`` gives, cell by cell."""
     points, weights = quadrature_points()
     corners = space.nodes[space.cells[:, :3]]
     unknowns = (3 * space.cells[:, :, None] + np.arange(3)).reshape(len(space.cells), -1)
@@ -112,13 +133,12 @@ def assemble_harmonics(space: Discretisation, material: Material) -> Stiffness:
         sides = part[:, 1:] - part[:, :1]
         twice = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
         scale = (2.0 * math.pi * twice[:, None] * weights * radius)[:, :, None, None]
-        blocks.append(_products(first, second, D, scale))
+        blocks.append(products(first, second, D, scale))
     shape = (3 * len(space.nodes),) * 2
     rows, columns = np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None, :])
     place = (rows.ravel(), columns.ravel())
-    parts = [np.concatenate([block[i] for block in blocks]).ravel() for i in range(3)]
-    first_part, second_part, third_part = (sp.csr_matrix((part, place), shape=shape) for part in parts)
-    return Stiffness(parts=(first_part, second_part, third_part))
+    parts = [np.concatenate(part).ravel() for part in zip(*blocks, strict=True)]
+    return [sp.csr_matrix((part, place), shape=shape) for part in parts]
 
 
 def _products(first: FloatArray, second: FloatArray, D: FloatArray, scale: FloatArray) -> list[FloatArray]:

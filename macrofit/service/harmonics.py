@@ -21,7 +21,7 @@ from ..base.cholmod import Factor, NotDefiniteError, factor
 from ..bodies.fenics import Discretisation
 from ..errors import MeshError
 from ..scene.material import Material
-from .elements import ComplexArray, Stiffness, assemble_harmonics
+from .elements import ComplexArray, Stiffness, assemble_harmonic, assemble_harmonics
 
 Amplitudes = TypeVar("Amplitudes", FloatArray, ComplexArray)
 
@@ -47,11 +47,15 @@ class HarmonicBody:
         self._factors: dict[int, Factor] = {}
         self._compliances: dict[int, FloatArray] = {}
         self._taken: dict[int, Condensed] = {}
+        self.single = False  # whether a single harmonic will be asked for
 
     @cached_property
     def stiffness(self) -> Stiffness:
         """K_0, K_1, K_2, assembled when first needed."""
         return assemble_harmonics(self.space, self.material)
+
+    def _stiffness_at(self, n: int) -> sp.csr_matrix:
+        return assemble_harmonic(self.space, self.material, n) if self.single else self.stiffness.at(n)
 
     @cached_property
     def on_axis(self) -> BoolArray:
@@ -99,7 +103,7 @@ class HarmonicBody:
             held = self.held(n).ravel().astype(np.float64)
             turn = self._turn(n)
             free = sp.diags(1.0 - held)
-            matrix = free @ turn.T @ self.stiffness.at(n) @ turn @ free + sp.diags(held)
+            matrix = free @ turn.T @ self._stiffness_at(n) @ turn @ free + sp.diags(held)
             try:
                 # whole blocks: without the zeros of n = 0, where torsion stands alone, supernodes fall to pieces
                 self._factors[n] = factor(matrix.tobsr((3, 3)).tocsr(), self.trace, 3)

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..base.arrays import BoolArray, FloatArray
 from .bonded import Harmonic, seat_stress
-from .criteria import Criteria, judge_histories
+from .fatigue.criteria import Criteria, judge_histories
+from .fatigue.limits import limits_of
 from .kernel import Kernel
-from .limits import limits_of
 from .residual import Residual
 from .rotation import Revolution
 from .seat_stress import MM, MT, NM, NT, by_facet
@@ -138,7 +138,7 @@ def endurance(whole: Wheelset, stress: FloatArray, wear: Fretting) -> Endurance:
     """The criteria of the seat's stress histories.
 
     Raises:
-        SceneError: see `limits.limits_of`.
+        SceneError: see `fatigue.limits.limits_of`.
     """
     line = whole.fit.lines[0]
     limits = limits_of(whole.loads.keys, whole.scene.axle.material)

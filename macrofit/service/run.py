@@ -20,12 +20,12 @@ from ..monitor import lines_of_first
 from ..scene import Scene
 from ..solution import Journal
 from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
+from .fatigue.limits import limits_of
 from .harmonics import HarmonicBody
 from .helpers import Helpers, help_first
 from .history import Endurance, Fretting, endurance, fretting, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
-from .limits import limits_of
 from .output.write import write_service
 from .residual import Residual, pressed_and_released, restored
 from .rotation import Moment, Revolution

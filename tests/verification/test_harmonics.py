@@ -14,7 +14,7 @@ from macrofit.assembly import discretise_bodies
 from macrofit.bodies.elasticity import weak_form
 from macrofit.bodies.fenics import Discretisation, discretise
 from macrofit.scene.material import Material
-from macrofit.service.elements import assemble_harmonics, quadrature_points
+from macrofit.service.elements import assemble_harmonic, assemble_harmonics, quadrature_points
 from macrofit.service.loads import Section, front_face
 from macrofit.service.wheelset import wheelset
 
@@ -156,3 +156,10 @@ def test_torsion_without_neighbours_leaves_the_factor_as_lean_as_others() -> Non
     zero, one = (body.factor_of(n).supernodes[0] for n in (0, 1))
     assert not (zero % 3).any()
     assert len(zero) < 1.2 * len(one)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_a_harmonic_alone_is_that_of_the_three_matrices(n: int) -> None:
+    space = grid(0.0, 95.0, 200.0, 3, 4)
+    alone, of_all = assemble_harmonic(space, STEEL, n), assemble_harmonics(space, STEEL).at(n)
+    assert np.abs(alone - of_all).max() < 1e-13 * np.abs(of_all).max()

@@ -15,9 +15,9 @@ from ...results.doubts import doubtful_lines
 from ...results.versions import provenance, versions
 from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
+from ..fatigue.limits import judge_stress, limits_of
 from ..fit import Fit
 from ..history import SLIPPED, Endurance, Fretting
-from ..limits import judge_stress, limits_of
 from ..seat_stress import MM, NM, NN
 from ..wheelset import Wheelset
 

@@ -12,8 +12,7 @@ from ...base.arrays import FloatArray
 from ...base.figure import BLUE, GREEN, ORANGE, SKY, VERMILION, blank, placed, plain, save
 from ...study.plan import Plan
 from ...study.statistics import MANY, statistics
-from .output import measured
-from .record import ServiceRecord
+from .record import ServiceRecord, measured
 
 SLIPS = (("front_slip_range_mm", "front", BLUE), ("inner_slip_range_mm", "inner", VERMILION))
 CRITERIA = (("crossland", "Crossland", BLUE), ("dang_van", "Dang Van", VERMILION), ("findley", "Findley", ORANGE))

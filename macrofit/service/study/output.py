@@ -10,9 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ...base.arrays import FloatArray
 from ...base.files import remove_drafts, write_json, write_text, writing
 from ...base.progress import duration, printable, say
 from ...errors import OutputError
@@ -21,7 +18,7 @@ from ...results.folder import prepare
 from ...results.versions import session, versions
 from ...study.plan import Plan, PlannedRun
 from ...study.statistics import statistics
-from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study
+from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study, measured
 
 STUDY_FILE, ROWS, TOTALS, FIGURE, RUNS = (
     "service-study.bin", "service-study.csv", "service-study.json", "service-study.png", "runs"
@@ -117,12 +114,6 @@ def _table(plan: Plan, records: Sequence[ServiceRecord]) -> str:
         cells += ["" if value is None else repr(value) for value in record.values.values()]
         rows.writerow([*cells, record.verdict, len(record.doubts), record.ended or "", f"{record.cpu_s:.3f}"])
     return text.getvalue()
-
-
-def measured(plan: Plan, records: Sequence[ServiceRecord], name: str) -> FloatArray:
-    """The values of a measure over the runs that are no references, those that have it."""
-    pairs = [record for run, record in zip(plan.runs, records, strict=True) if run.values] or list(records)
-    return np.array([value for record in pairs if (value := record.values[name]) is not None])
 
 
 def _totals(plan: Plan, records: Sequence[ServiceRecord]) -> dict[str, Any]:

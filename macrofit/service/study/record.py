@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
+from ...base.arrays import FloatArray
 from ...base.files import starts_with
+from ...study.plan import Plan
 from ...study.record import RecordFile
 
 MAGIC = b"macrofit service study 1\n"
@@ -71,3 +74,9 @@ class ServiceStudyFile(RecordFile[ServiceRecord]):
 def is_service_study(path: Path) -> bool:
     """Whether the file is there and starts as one of such a study does."""
     return starts_with(path, MAGIC)
+
+
+def measured(plan: Plan, records: Sequence[ServiceRecord], name: str) -> FloatArray:
+    """The values of a measure over the runs that are no references, those that have it."""
+    pairs = [record for run, record in zip(plan.runs, records, strict=True) if run.values] or list(records)
+    return np.array([value for record in pairs if (value := record.values[name]) is not None])

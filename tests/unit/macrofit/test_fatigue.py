@@ -9,8 +9,8 @@ import pytest
 
 from macrofit.scene.keys import ServiceKeys
 from macrofit.scene.material import Material
-from macrofit.service.criteria import Limits, judge_histories, smallest_ball
-from macrofit.service.limits import limits_of
+from macrofit.service.fatigue.criteria import Limits, judge_histories, smallest_ball
+from macrofit.service.fatigue.limits import limits_of
 
 LIMITS = Limits(bending=240.0, torsion=150.0)
 STEEL = Material(youngs_modulus=206e3, poisson_ratio=0.3)

@@ -11,7 +11,7 @@ from serving import service
 
 from macrofit.scene.keys import ServiceKeys
 from macrofit.scene.material import Material, cards
-from macrofit.service.limits import limits_of, seat_limit
+from macrofit.service.fatigue.limits import limits_of, seat_limit
 from macrofit.service.output import NUMBERS
 
 GRADE = ("axle.material.elastic=true", "axle.material.grade=EA1N")

@@ -13,12 +13,12 @@ from typing import Literal, TypeAlias
 import msgspec
 import numpy as np
 
-from ..base.arrays import FloatArray
-from ..errors import SceneError
-from ..scene.keys import ServiceKeys
-from ..scene.material import Material, cards
+from ...base.arrays import FloatArray
+from ...errors import SceneError
+from ...scene.keys import ServiceKeys
+from ...scene.material import Material, cards
+from ..wheelset import Wheelset
 from .criteria import Limits
-from .wheelset import Wheelset
 
 STANDARD = "EN 13103-1"
 BENDING = 200.0

@@ -29,8 +29,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..base.arrays import FloatArray
-from ..scene.material import Material
+from ...base.arrays import FloatArray
+from ...scene.material import Material
 
 PLANES = 15
 """Degrees between the normals of the planes that are searched first."""
