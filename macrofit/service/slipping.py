@@ -33,10 +33,8 @@ RHO = 2e4
 TOLERANCE = 1e-9
 """Residual of a step, in the largest pressure."""
 ITERATIONS = 40
-SEARCHED = 80
-"""Iterations where ways are shortened."""
 SHORTENINGS, DECREASE = 8, 0.1
-"""How often at most, and how much of the residual a whole way has to take away."""
+"""How often a way is shortened at most, and how much of the residual a whole way has to take away."""
 LOST = 100.0
 """Slip beyond which Newton's method has lost the wheel [mm]."""
 DENSE = 400
@@ -86,18 +84,18 @@ class Law:
 
 def solve_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
     """Solve a step from a guess of the slips (K, 3, m); ``still`` are the tractions (K, 3, m) without any slip."""
-    return _solved(Problem(kernel=kernel, law=law, still=still), guess, ITERATIONS, search=False)
+    return _solved(Problem(kernel=kernel, law=law, still=still), guess, search=False)
 
 
 def search_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) -> Solved:
     """The same by shorter ways, each to where less of the law is left: where much opens, whole ways lead astray."""
-    return _solved(Problem(kernel=kernel, law=law, still=still), guess, SEARCHED, search=True)
+    return _solved(Problem(kernel=kernel, law=law, still=still), guess, search=True)
 
 
-def _solved(problem: Problem, guess: FloatArray, most: int, *, search: bool) -> Solved:
+def _solved(problem: Problem, guess: FloatArray, *, search: bool) -> Solved:
     here, done = problem.at(guess), None
     scale = max(float(np.abs(problem.still[:, 0]).max()), 1e-300)
-    for iteration in range(most):
+    for iteration in range(ITERATIONS):
         if done is not None and here.error <= TOLERANCE * scale and (here.status == done).all():
             return Solved(traction=here.traction, slip=here.slip, iterations=iteration, converged=True)
         done = here.status

@@ -241,11 +241,13 @@ def test_a_guess_that_does_not_help_is_not_tried_first_again(monkeypatch: pytest
 
 def test_a_loose_wheel_that_tilts_and_opens_finds_its_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     # it touches at one end on top, at the other below; whole ways of Newton's method lose it at a tenth of the loads
-    loose = (
-        "wheel.bore_radius=94.9871", "wheel.hub_length=60", "wheel.web_thickness=18", "wheel.web_blend=6",
-        "friction.options.coefficient=0.25", "service.journal_force=1.1e6", "service.journal_moment=1.3e8",
-        "service.harmonics=2", "service.steps=5", "service.revolutions=1",
-    )  # fmt: skip
+    loose = load_scene("wheelset", [
+        "mesh.coarse=60", "mesh.seat_facet=6", "mesh.order=1", "motion.start=90", "motion.travel=180",
+        "motion.increment=30", "wheel.bore_radius=94.9871", "axle.inner_radius=42.9", "wheel.hub_length=59.82",
+        "wheel.web_thickness=0", "friction.options.coefficient=0.2503", "service.journal_force=1.142e6",
+        "service.journal_moment=1.29e8", "service.lateral_force=-1.374e4", "service.rim_offset=21.94",
+        "service.harmonics=2", "service.steps=3", "service.revolutions=1",
+    ])  # fmt: skip
     searched: list[bool] = []
 
     def counted(*given: object) -> slipping.Solved:
@@ -254,13 +256,13 @@ def test_a_loose_wheel_that_tilts_and_opens_finds_its_equilibrium(monkeypatch: p
         return solved
 
     monkeypatch.setattr(rotation, "search_step", counted)
-    found = serve(small(*loose))
+    found = serve(loose)
     assert found.turned is not None
     assert found.turned.fretting.opening.min() > 0.05
     assert any(searched)
     monkeypatch.setattr(rotation, "search_step", slipping.solve_step)
     with pytest.raises(ConvergenceError, match="no equilibrium was found"):
-        serve(small(*loose))
+        serve(loose)
 
 
 def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
