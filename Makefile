@@ -117,7 +117,7 @@ networks: setup-network ## make the shipped networks anew from friction tests of
 	            surrogate generate $(ROUGH) -o $(DATA)/rough.h5 --pairs $(ROUGH_PAIRS) --first-surface 2000
 	            surrogate generate --design wide -o $(DATA)/wide-evaluation.h5 --pairs 63 $(WIDE_UNSEEN) --first-surface 41000
 	            surrogate generate $(ROUGH) -o $(DATA)/rough-evaluation.h5 --pairs 40 $(WIDE_UNSEEN) --first-surface 42000
-	            surrogate train $(DATA)/wide.h5 $(DATA)/rough.h5 $$made.h5 -o $$made-energy.safetensors --epochs 3000
+	            surrogate train $(DATA)/wide.h5 $(DATA)/rough.h5 $$made.h5 -o $$made-energy.safetensors --epochs 3000 --points 17
 	            surrogate table $(DATA)/wide-evaluation.h5 -o $(MODELS)/wide-evaluation.csv.gz
 	            surrogate table $(DATA)/rough-evaluation.h5 -o $(MODELS)/rough-evaluation.csv.gz
 	            surrogate train $$made.h5 -o $$made-envelope.safetensors --faces envelope
