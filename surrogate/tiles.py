@@ -18,7 +18,7 @@ from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 from meso.settings import FaceKeys
 from meso.surfaces.surface import TILES, Body, tile_seed
 
-from .data.faces import generated_face
+from .data.faces import generated_faces, in_one_piece
 from .errors import PredictionError
 from .levels import PressureLevels
 from .network.checkpoint import Control
@@ -27,6 +27,8 @@ from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
 
 T = TypeVar("T", bound=np.generic)
+FACES_TOGETHER = 16
+"""Faces of a strip that are made at once: neighbours share what they overlap."""
 TILES_AHEAD = 4
 """Tiles ahead of a pair that are looked at for more pairs."""
 
@@ -165,19 +167,27 @@ class Tiles:
 
     def _side(self, body: Body, tiles: IntArray) -> _Side:
         """The faces of a body, with these tiles made."""
-        side = self._sides[body]
-        for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            points = self.predictor.provenance.points
-            side.heights[tile] = generated_face(body, tile_seed(self.seed, tile), self.surface, points)
-            if isinstance(self.predictor.model, TrainedEnsemble):
-                side.roughness[tile] = upper_roughness(side.heights[tile])
-            else:
-                part = self.predictor.face_part(body, side.heights[tile])
-                side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *part.shape), np.float32)
-                side.parts[tile] = part
-            side.made[tile] = True
-            self.faces += 1
+        side, missing = self._sides[body], tiles[~self._sides[body].made[tiles]]
+        together = isinstance(self.predictor.model, TrainedEnsemble) and in_one_piece(self.surface, body)
+        block = FACES_TOGETHER if together else 1
+        for first in np.unique(missing - missing % block).tolist():
+            part = slice(first, min(first + block, len(side.made)))
+            self._make(side, body, part)
+            side.made[part] = True
+            self.faces += part.stop - part.start
         return side
+
+    def _make(self, side: _Side, body: Body, part: slice) -> None:
+        """The faces of tiles that follow each other, and what is needed of them in any pair."""
+        points, count = self.predictor.provenance.points, part.stop - part.start
+        faces = generated_faces(body, tile_seed(self.seed, part.start), count, self.surface, points)
+        side.heights[part] = faces
+        if isinstance(self.predictor.model, TrainedEnsemble):
+            side.roughness[part] = upper_roughness(faces)
+        else:
+            parts = np.stack([self.predictor.face_part(body, face) for face in faces])
+            side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *parts.shape[1:]), np.float32)
+            side.parts[part] = parts
 
     def _check(self, body: Body, tiles: IntArray) -> None:
         """Refuse a tile beyond those of its body by its number; never take another tile."""
