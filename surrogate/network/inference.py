@@ -5,6 +5,7 @@ The formulas of `FoundationEnsemble`, in single precision over the nodes of a fa
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from itertools import pairwise
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 Single: TypeAlias = npt.NDArray[np.float32]
 """Numbers in the network's precision."""
 
-PAIRS_PER_CHUNK = 64
-"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
+NODES_PER_CHUNK = 2**15
+"""Nodes of the faces whose foundations are computed together: they stay in the cache."""
 LAWS_PER_CHUNK = 512
 """Pairs whose affine laws are computed together."""
 LEAST_SPREAD = 1e-5
@@ -108,22 +109,23 @@ class TrainedEnsemble:
         slopes = np.empty((count, len(options.stiffness)), dtype=np.float32)
         features = np.empty((count, len(self.arrays["centre"])), dtype=np.float32)
         both = np.sqrt(np.square(roughness[0][wheel]) + np.square(roughness[1][axle]))
-        for start in range(0, count, PAIRS_PER_CHUNK):
-            part = slice(start, start + PAIRS_PER_CHUNK)
+        size = max(1, NODES_PER_CHUNK // (wheels.shape[1] * wheels.shape[2]))
+        room = self._room(2 * options.positions * size * wheels.shape[1] * wheels.shape[2])
+        for start in range(0, count, size):
+            part = slice(start, start + size)
             n, fixed = loads[part], free[part]
             faces = wheels[wheel[part]], axles[axle[part]]
-            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, self._room(wheels.shape[1:]))
+            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, room)
             parts = [both[part], slide.load, slide.depth, slide.least]
             if options.wide:
                 parts.insert(1, np.column_stack([np.log(n / np.float32(options.load)), fixed.astype(np.float32)]))
             slopes[part], features[part] = slide.b, np.concatenate(parts, axis=1)
         return slopes, features
 
-    def _room(self, face: tuple[int, ...]) -> Single:
+    def _room(self, size: int) -> Single:
         """Memory for the sums of a chunk at all positions, and as much again; new memory costs as much as sums."""
-        shape = (2 * self.options.positions, PAIRS_PER_CHUNK, face[0] * face[1])
-        if self._kept.shape != shape:
-            self._kept = np.empty(shape, dtype=np.float32)
+        if len(self._kept) < size:
+            self._kept = np.empty(size, dtype=np.float32)
         return self._kept
 
     def member_laws(self, slopes: Single, features: Single) -> Single:
@@ -229,7 +231,7 @@ def slide_foundations(
         axle: heights (pairs, 2 n + 1, n + 1) [mm].
         loads: normal force at the start of each pair (pairs,) [N].
         free: whether each pair keeps its load, (pairs,); else it keeps its height.
-        room: memory to be overwritten, (twice the places that are looked at, at least pairs, G).
+        room: memory to be overwritten, (at least 2 x positions x pairs x G,).
     """
     pairs, row = len(wheel), wheel.shape[2]
     stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
@@ -237,7 +239,7 @@ def slide_foundations(
     nodes = face.shape[1]
 
     def slid(places: Sequence[int], *, free: bool) -> SlideNumbers:
-        area = room.reshape(-1)[: 2 * len(places) * pairs * nodes].reshape(2, len(places), pairs, nodes)
+        area = room[: 2 * len(places) * pairs * nodes].reshape(2, len(places), pairs, nodes)
         for at, k in zip(area[0], places, strict=True):
             np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
         return _slid(options, area[0], loads, area[1], free=free)
@@ -251,9 +253,7 @@ def slide_foundations(
     return SlideNumbers(*(np.where(free[:, None], *each) for each in both))
 
 
-def _slid(
-    options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, *, free: bool
-) -> SlideNumbers:
+def _slid(options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, *, free: bool) -> SlideNumbers:
     """Slide at constant force over the first place and the last, or at constant height over all of them.
 
     The places of `sums` (places, pairs, G) are solved together where each has a height of its own.
@@ -336,9 +336,15 @@ def _response(
 
 
 def _overlap(sums: HeightArray, heights: FloatArray, work: Single) -> None:
-    """What is above a height for each row, into `work`; a column of zeros is compared with twice as fast as a zero."""
+    """What is above a height for each row, into `work`; zeros of its shape are compared with twice as fast as one."""
     np.subtract(sums, heights[:, None].astype(np.float32), out=work)
-    np.maximum(work, np.zeros((len(work), 1), dtype=np.float32), out=work)
+    np.maximum(work, _zeros(work.size.bit_length())[: work.size].reshape(work.shape), out=work)
+
+
+@functools.lru_cache(maxsize=2)
+def _zeros(bits: int) -> Single:
+    """At least so many zeros as a number of so many bits counts."""
+    return np.zeros(1 << bits, dtype=np.float32)
 
 
 def _row_sums(rows: Single) -> FloatArray:
