@@ -23,6 +23,7 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
+from .friction.tiles import NO_OVERLAPS
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
@@ -303,7 +304,7 @@ class Press:
         shift = moved if line.radial else 0.0
         there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
         inside = (there >= 0) & (there < line.facets)
-        came = state.kind[np.clip(there, 0, line.facets - 1)].max(axis=2)
+        came = state.kind[np.where(inside, there, 0)].max(axis=2)
         fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
         if not state.pressure.any():
             fresh |= contact.coupling.gap < 0.0
@@ -330,6 +331,8 @@ class Press:
 
     def _facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
+        if not self.friction.per_pair:
+            return self.friction.facet_friction(NO_OVERLAPS, state.pressure, state.accumulated_slip)
         s = self.seat.line.coordinate
         start, end = s[:-1].copy(), s[:-1].copy()
         facets = coupling.portions.facet
