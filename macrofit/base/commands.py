@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import atexit
 import gc
 import os
 import signal
@@ -83,6 +84,7 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
         gc.set_threshold(YOUNG)
+        atexit.register(gc.freeze)  # or everything is looked through once more when the process ends
         open_streams()
         end_as_ctrl_c()
         try:
