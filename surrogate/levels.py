@@ -42,7 +42,7 @@ class PressureLevels:
     def of(self, pressure: FloatArray) -> IntArray:
         """The level that serves each pressure [MPa], of the same shape."""
         k = np.rint(np.log(np.maximum(pressure, self.low) / self.low) / self._step)
-        return np.minimum(k, self.count - 1).astype(np.int64)
+        return np.asarray(np.minimum(k, self.count - 1), dtype=np.int64)
 
     def pressure(self, level: IntArray) -> FloatArray:
         """The pressure of each level [MPa]."""

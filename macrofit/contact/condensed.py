@@ -24,7 +24,6 @@ from .law import ContactProblem, LinearSolution, Status
 from .seat import Seat, SeatRows
 from .status import OPEN, SLIP, STICK
 
-
 Block: TypeAlias = tuple[int, int, slice, slice, FloatArray]
 """Component of the approach and of the force, where on the seat the force is, where the approach, and the influence."""
 
@@ -157,7 +156,7 @@ class CondensedProblem:
         return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
 
     def _turn(self, total: FloatArray, *, stick: bool) -> None:
-        """Follow a change of kappa to ``total``, tau [MPa], in the rows of the response that the next residual needs."""
+        """Follow a change of kappa, and so of tau to ``total`` [MPa], in the rows that the next residual needs."""
         forces = self.contact.covered.weight * (total - self._total)
         for i in (0, 1) if stick else (0,):
             rows = self._influence(i)

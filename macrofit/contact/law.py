@@ -36,7 +36,7 @@ import numpy.typing as npt
 from ..base.arrays import FloatArray
 from .interface import MortarCoupling
 from .seat import CoveredSeat
-from .status import OPEN, SLIP, STICK
+from .status import SLIP, STICK
 
 StatusArray = npt.NDArray[np.int8]
 

@@ -29,7 +29,8 @@ class TileOverlaps(NamedTuple):
         return TileOverlaps(self.facet[index], self.seat[index], self.bore[index], self.weight[index])
 
 
-NO_OVERLAPS = TileOverlaps(*(np.empty(0, dtype=kind) for kind in (np.int64, np.int64, np.int64, np.float64)))
+_NONE = np.empty(0, dtype=np.int64)
+NO_OVERLAPS = TileOverlaps(_NONE, _NONE, _NONE, np.empty(0))
 """Those of a provider that does not tell pairs apart."""
 
 

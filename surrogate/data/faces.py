@@ -38,7 +38,8 @@ def generated_face(body: Body, seed: int, keys: FaceKeys, points: int = POINTS) 
     Raises:
         PredictionError: a key that its generator refuses.
     """
-    return generated_faces(body, seed, 1, keys, points)[0]
+    face: HeightArray = generated_faces(body, seed, 1, keys, points)[0]
+    return face
 
 
 def generated_faces(body: Body, seed: int, count: int, keys: FaceKeys, points: int = POINTS) -> HeightArray:
@@ -72,7 +73,7 @@ def generated_faces(body: Body, seed: int, count: int, keys: FaceKeys, points: i
         raise PredictionError(f"surface of the {body}: {error}") from None
     shape = length * (points - 1) + 1, points
     x, y = (np.linspace(0.0, extent, n) for extent, n in zip(size, shape, strict=True))
-    return heights_at(faces, size, x[:, None], y[None, :]).astype(np.float32)
+    return np.asarray(heights_at(faces, size, x[:, None], y[None, :]), dtype=np.float32)
 
 
 def in_one_piece(keys: FaceKeys, body: Body) -> bool:

@@ -199,7 +199,7 @@ def upper_roughness(faces: HeightArray) -> Single:
     along, across = np.square(np.diff(upper, axis=1)), np.square(np.diff(upper, axis=2))
     each = [part.reshape(count, -1).astype(np.float64) for part in (np.square(upper), along, across)]
     steps = (each[1].sum(axis=1) + each[2].sum(axis=1)) / (each[1].shape[1] + each[2].shape[1])
-    return np.sqrt(np.column_stack([each[0].mean(axis=1), steps])).astype(np.float32)
+    return np.asarray(np.sqrt(np.column_stack([each[0].mean(axis=1), steps])), dtype=np.float32)
 
 
 def _mean_in_order(members: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -282,11 +282,11 @@ class Touch(NamedTuple):
     """Faces at heights z, (rows,) each."""
 
     height: FloatArray
-    """z [mm]."""
+    """Height z of each row [mm]."""
     overlap: FloatArray
     """Sum over the nodes of what is above z [mm]."""
     nodes: IntArray
-    """How many are."""
+    """Number of nodes above z [-]."""
 
 
 def touched(sums: HeightArray, height: FloatArray, work: Single) -> Touch:
