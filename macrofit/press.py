@@ -443,10 +443,11 @@ class Press:
     ) -> FacetState:
         facets, m = contact.coupling.portions.facet, self.seat.moments
         weight = contact.covered.weight.reshape(-1, m)
+        area = weight.sum(axis=1)
 
         def mean(values: FloatArray) -> FloatArray:
             every = np.zeros(self.seat.line.facets)
-            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / weight.sum(axis=1)
+            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / area
             return every
 
         slipped = mean(np.where(status == SLIP, slip, 0.0))

@@ -25,8 +25,9 @@ class Band:
 
     def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
         """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (span, k); skips zero blocks."""
-        for rows, columns in self.blocks:
-            if scale[rows].any():
+        live = np.logical_or.reduceat(scale != 0.0, [rows.start for rows, _ in self.blocks]).tolist()
+        for (rows, columns), needed in zip(self.blocks, live, strict=True):
+            if needed:
                 out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
 
 
