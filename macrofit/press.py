@@ -333,9 +333,8 @@ class Press:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
         if not self.friction.per_pair:
             return self.friction.facet_friction(NO_OVERLAPS, state.pressure, state.accumulated_slip)
-        s = self.seat.line.coordinate
+        s, facets = self.seat.line.coordinate, coupling.portions.facet
         start, end = s[:-1].copy(), s[:-1].copy()
-        facets = coupling.portions.facet
         start[facets], end[facets] = coupling.portions.start, coupling.portions.end
         overlaps = self.tiling.overlaps(start, end, displacement)
         return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
@@ -443,7 +442,7 @@ class Press:
     ) -> FacetState:
         facets, m = contact.coupling.portions.facet, self.seat.moments
         weight = contact.covered.weight.reshape(-1, m)
-        area = weight.sum(axis=1)
+        area, kinds = weight.sum(axis=1), status.reshape(-1, m)
 
         def mean(values: FloatArray) -> FloatArray:
             every = np.zeros(self.seat.line.facets)
@@ -452,7 +451,6 @@ class Press:
 
         slipped = mean(np.where(status == SLIP, slip, 0.0))
         kind = np.zeros(self.seat.line.facets, dtype=np.int64)
-        kinds = status.reshape(-1, m)
         kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
         return FacetState(
             pressure=mean(-answer.traction[0]),
