@@ -11,10 +11,13 @@ import hashlib
 import importlib.util
 import os
 import warnings
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..base.arrayfile import read_npz
 from ..base.errors import OutputError
@@ -49,6 +52,8 @@ def read_kept(file: Path) -> MeshData | None:
         return None
     try:
         arrays = read_npz(file, MOST_BYTES)
+        if not np.array_equal(arrays.pop("digest"), _digest(arrays)):
+            raise ValueError("its digest is of something else")
         points, triangles = arrays["points"], arrays["triangles"]
         edges = {name.removeprefix(EDGES): pairs for name, pairs in arrays.items() if name.startswith(EDGES)}
         indices = np.concatenate([triangles.ravel(), *(pairs.ravel() for pairs in edges.values())])
@@ -71,8 +76,16 @@ def keep(file: Path, data: MeshData) -> None:
     arrays |= {f"{EDGES}{name}": pairs for name, pairs in data.edges.items()}
     with suppress(OutputError, OSError):
         with replacing(file) as draft:
-            np.savez(draft, **arrays)
+            np.savez(draft, digest=_digest(arrays), **arrays)
         _remove_oldest(file.parent)
+
+
+def _digest(arrays: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.uint8]:
+    """SHA-256 of arrays with their names, types and shapes; an archive checks the bytes of each alone."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(repr((name, arrays[name].dtype.str, arrays[name].shape)).encode() + arrays[name].tobytes())
+    return np.frombuffer(digest.digest(), dtype=np.uint8)
 
 
 def all_kept(scene: Scene) -> bool:

@@ -73,7 +73,7 @@ def test_all_that_decides_a_mesh_is_in_its_name(cache: Path, tmp_path: Path, mon
     assert None not in names
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another", "beyond"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another", "beyond", "renamed"])
 def test_a_damaged_mesh_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
     first = mesh_drawing(drawing(), COARSE, GROWTH)
     (file,) = cache.iterdir()
@@ -83,6 +83,8 @@ def test_a_damaged_mesh_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPat
         file.write_bytes(data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :])
     elif damage == "beyond":
         kept.keep(file, replace(first, triangles=first.triangles + 1))
+    elif damage == "renamed":
+        file.write_bytes(data.replace(b"edges of seat", b"edges of seau"))
     elif damage == "another":
         with file.open("wb") as target:
             np.savez(target, points=np.zeros((3, 3)), triangles=np.zeros((1, 3), dtype=np.int64))
