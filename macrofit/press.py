@@ -23,6 +23,7 @@ from .contact.seat import Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
+from .friction.tiles import NO_OVERLAPS
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
@@ -298,7 +299,7 @@ class Press:
         shift = moved if line.radial else 0.0
         there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
         inside = (there >= 0) & (there < line.facets)
-        came = state.kind[np.clip(there, 0, line.facets - 1)].max(axis=2)
+        came = state.kind[np.where(inside, there, 0)].max(axis=2)
         fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
         if not state.pressure.any():
             fresh |= contact.coupling.gap < 0.0
@@ -325,9 +326,10 @@ class Press:
 
     def _facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
-        s = self.seat.line.coordinate
+        if not self.friction.per_pair:
+            return self.friction.facet_friction(NO_OVERLAPS, state.pressure, state.accumulated_slip)
+        s, facets = self.seat.line.coordinate, coupling.portions.facet
         start, end = s[:-1].copy(), s[:-1].copy()
-        facets = coupling.portions.facet
         start[facets], end[facets] = coupling.portions.start, coupling.portions.end
         overlaps = self.tiling.overlaps(start, end, displacement)
         return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
@@ -435,15 +437,15 @@ class Press:
     ) -> FacetState:
         facets, m = contact.coupling.portions.facet, self.seat.moments
         weight = contact.covered.weight.reshape(-1, m)
+        area, kinds = weight.sum(axis=1), status.reshape(-1, m)
 
         def mean(values: FloatArray) -> FloatArray:
             every = np.zeros(self.seat.line.facets)
-            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / weight.sum(axis=1)
+            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / area
             return every
 
         slipped = mean(np.where(status == SLIP, slip, 0.0))
         kind = np.zeros(self.seat.line.facets, dtype=np.int64)
-        kinds = status.reshape(-1, m)
         kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
         return FacetState(
             pressure=mean(-answer.traction[0]),

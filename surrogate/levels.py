@@ -41,9 +41,8 @@ class PressureLevels:
 
     def of(self, pressure: FloatArray) -> IntArray:
         """The level that serves each pressure [MPa], of the same shape."""
-        with np.errstate(divide="ignore"):
-            k = np.rint(np.log(np.maximum(pressure, 0.0) / self.low) / self._step)
-        return np.asarray(np.clip(k, 0, self.count - 1), dtype=np.int64)
+        k = np.rint(np.log(np.maximum(pressure, self.low) / self.low) / self._step)
+        return np.asarray(np.minimum(k, self.count - 1), dtype=np.int64)
 
     def pressure(self, level: IntArray) -> FloatArray:
         """The pressure of each level [MPa]."""

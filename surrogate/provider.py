@@ -349,6 +349,18 @@ class _Answer(NamedTuple):
     """Standard deviation of mu [-]."""
 
 
+def _distinct(seat: IntArray, bore: IntArray, level: IntArray) -> tuple[tuple[IntArray, IntArray, IntArray], IntArray]:
+    """Each of the pairs once, sorted, and the number of each among them."""
+    if np.all((seat[1:] > seat[:-1]) | ((seat[1:] == seat[:-1]) & (bore[1:] > bore[:-1]))):
+        return (seat, bore, level), np.arange(seat.size)  # as the solver asks
+    columns = [np.unique(column, return_inverse=True) for column in (seat, bore, level)]
+    shape = tuple(max(1, len(values)) for values, _ in columns)
+    distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
+    places = np.unravel_index(distinct, shape)
+    first, second, third = (values[at] for (values, _), at in zip(columns, places, strict=True))
+    return (first, second, third), which
+
+
 class TileNetwork:
     """The predicted meso coefficient of each pair of tiles.
 
@@ -394,6 +406,7 @@ class TileNetwork:
         self._level = np.full(tiles.counts, -1, dtype=np.int16) if several else None  # of each pair, when last asked
         self._fallback = fallback
         self._last: _Answer | None = None
+        self._asked: tuple[FloatArray, IntArray] | None = None  # pairs of the last batch, and their numbers in `_last`
 
     @property
     def counters(self) -> dict[str, int]:
@@ -436,16 +449,14 @@ class TileNetwork:
 
     def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
-        level = self.tiles.levels(self._on_steel * pairs.pressure)
-        columns = [np.unique(column, return_inverse=True) for column in (pairs.seat, pairs.bore, level)]
-        shape = tuple(max(1, len(values)) for values, _ in columns)
-        distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
-        places = np.unravel_index(distinct, shape)
-        seat, bore, level = (values[at] for (values, _), at in zip(columns, places, strict=True))
-        last = self._last
-        if last is None or not all(map(np.array_equal, last.pairs, (seat, bore, level))):
-            self._last = last = self._predicted(seat, bore, level)
-        return last, which
+        asked = np.stack([pairs.seat, pairs.bore, pairs.pressure])
+        if self._asked is None or not np.array_equal(self._asked[0], asked):
+            distinct, which = _distinct(pairs.seat, pairs.bore, self.tiles.levels(self._on_steel * pairs.pressure))
+            if self._last is None or not all(map(np.array_equal, self._last.pairs, distinct)):
+                self._last = self._predicted(*distinct)
+            self._asked = asked, which
+        assert self._last is not None
+        return self._last, self._asked[1]
 
     def _predicted(self, seat: IntArray, bore: IntArray, level: IntArray) -> _Answer:
         """The answers to distinct pairs."""
@@ -485,4 +496,4 @@ class TileNetwork:
                 stacklevel=2,
             )
         self.clipped += wrong.size
-        np.clip(answer.mean, 0.0, LARGEST_FRICTION, out=answer.mean)
+        answer.mean[wrong] = np.clip(answer.mean[wrong], 0.0, LARGEST_FRICTION)

@@ -18,25 +18,21 @@ from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 from meso.settings import FaceKeys
 from meso.surfaces.surface import TILES, Body, tile_seed
 
-from .data.faces import generated_face
+from .data.faces import generated_faces, in_one_piece
 from .errors import PredictionError
 from .levels import PressureLevels
 from .network.checkpoint import Control
-from .network.inference import PAIRS_PER_CHUNK, Single, TrainedEnsemble, upper_roughness
+from .network.inference import Single, TrainedEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
 
 T = TypeVar("T", bound=np.generic)
-TILES_AHEAD = 4
-"""Tiles ahead of a pair that are looked at for more pairs."""
+FACES_TOGETHER = 16
+"""Faces of a strip that are made at once: neighbours share what they overlap."""
 
 
 class Tiles:
     """Faces of all tiles of both bodies, and their pairs.
-
-    Foundations are computed `PAIRS_PER_CHUNK` pairs at a time, however few are asked for. Places that are left in the
-    last chunk go to the pairs that will follow as the wheel moves on, nearest first; so they cost nothing if they do
-    not.
 
     Args:
         predictor: the network.
@@ -50,7 +46,7 @@ class Tiles:
     faces: int
     """Faces made so far."""
     prepared: int
-    """Pairs whose foundations were computed so far, those ahead included; again for each level of pressure."""
+    """Pairs whose foundations were computed so far; again for each level of pressure."""
 
     def __init__(
         self,
@@ -99,7 +95,8 @@ class Tiles:
         level = np.zeros_like(seat) if level is None else level
         rows = self._row[seat, bore, level]
         if rows.min(initial=0) < 0:
-            self._prepare(model, *self._wanted(seat, bore, level, rows < 0))
+            new = np.unique(np.ravel_multi_index((seat, bore, level), self._row.shape)[rows < 0])
+            self._prepare(model, *np.unravel_index(new, self._row.shape))
             rows = self._row[seat, bore, level]
         if not len(rows):
             return self.predictor.nothing()
@@ -121,27 +118,6 @@ class Tiles:
         """Predict from what the paper's network makes of each face by itself."""
         wheels, axles = self._side("wheel", bore), self._side("axle", seat)
         return self.predictor.join(wheels.parts[bore], axles.parts[seat], micro)
-
-    def _wanted(
-        self, seat: IntArray, bore: IntArray, level: IntArray, new: BoolArray
-    ) -> tuple[IntArray, IntArray, IntArray]:
-        """The pairs that are not known, each once, and those ahead that have room in the last chunk."""
-        shape = self._row.shape
-        keys = np.unique(np.ravel_multi_index((seat[new], bore[new], level[new]), shape))
-        for step in range(1, TILES_AHEAD + 1):
-            room = -len(keys) % PAIRS_PER_CHUNK
-            if not room:
-                break
-            # the bore comes on by a tile, and its end reaches another tile of the seat
-            seats, bores = np.concatenate([seat, seat + step]), np.concatenate([bore + step, bore])
-            levels = np.concatenate([level, level])
-            there = (seats < self.counts[0]) & (bores < self.counts[1])
-            seats, bores, levels = seats[there], bores[there], levels[there]
-            unknown = self._row[seats, bores, levels] < 0
-            ahead = np.ravel_multi_index((seats[unknown], bores[unknown], levels[unknown]), shape)
-            keys = np.concatenate([keys, np.setdiff1d(ahead, keys)[:room]])
-        seats, bores, levels = np.unravel_index(keys, shape)
-        return seats, bores, levels
 
     def _prepare(self, model: TrainedEnsemble, seat: IntArray, bore: IntArray, level: IntArray) -> None:
         """Add pairs to those whose laws are known."""
@@ -165,19 +141,27 @@ class Tiles:
 
     def _side(self, body: Body, tiles: IntArray) -> _Side:
         """The faces of a body, with these tiles made."""
-        side = self._sides[body]
-        for tile in np.unique(tiles[~side.made[tiles]]).tolist():
-            points = self.predictor.provenance.points
-            side.heights[tile] = generated_face(body, tile_seed(self.seed, tile), self.surface, points)
-            if isinstance(self.predictor.model, TrainedEnsemble):
-                side.roughness[tile] = upper_roughness(side.heights[tile])
-            else:
-                part = self.predictor.face_part(body, side.heights[tile])
-                side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *part.shape), np.float32)
-                side.parts[tile] = part
-            side.made[tile] = True
-            self.faces += 1
+        side, missing = self._sides[body], tiles[~self._sides[body].made[tiles]]
+        together = isinstance(self.predictor.model, TrainedEnsemble) and in_one_piece(self.surface, body)
+        block = FACES_TOGETHER if together else 1
+        for first in np.unique(missing - missing % block).tolist():
+            part = slice(first, min(first + block, len(side.made)))
+            self._make(side, body, part)
+            side.made[part] = True
+            self.faces += part.stop - part.start
         return side
+
+    def _make(self, side: _Side, body: Body, part: slice) -> None:
+        """The faces of tiles that follow each other, and what is needed of them in any pair."""
+        points, count = self.predictor.provenance.points, part.stop - part.start
+        faces = generated_faces(body, tile_seed(self.seed, part.start), count, self.surface, points)
+        side.heights[part] = faces
+        if isinstance(self.predictor.model, TrainedEnsemble):
+            side.roughness[part] = upper_roughness(faces)
+        else:
+            parts = np.stack([self.predictor.face_part(body, face) for face in faces])
+            side.parts = side.parts if len(side.parts) else np.zeros((len(side.made), *parts.shape[1:]), np.float32)
+            side.parts[part] = parts
 
     def _check(self, body: Body, tiles: IntArray) -> None:
         """Refuse a tile beyond those of its body by its number; never take another tile."""

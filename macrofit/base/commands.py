@@ -83,6 +83,7 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was asked for."""
         gc.set_threshold(YOUNG)
+        atexit.register(gc.freeze)  # or everything is looked through once more when the process ends
         open_streams()
         end_as_ctrl_c()
         try:

@@ -134,7 +134,8 @@ class Generatrix:
         return np.append(np.concatenate(pieces), self.breaks[-1])
 
     def _piece(self, s: FloatArray) -> npt.NDArray[np.intp]:
-        return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.height0) - 1)
+        piece = np.searchsorted(self.breaks, s, side="right") - 1
+        return np.minimum(np.maximum(piece, 0), len(self.height0) - 1)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .geometry import Drawing
+from .kept import keep, mesh_file, read_kept
 from .magnitudes import check_drawing
 from .reader import read_mesh
 from .triangles import MeshData, compact
@@ -16,12 +17,29 @@ __all__ = ["MeshData", "mesh_drawing", "read_mesh"]
 
 
 def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
-    """Triangulate a drawing with gmsh: the contact line's facets as drawn, growing to ``coarse`` [mm] away from it.
+    """Triangulate a drawing: the contact line's facets as drawn, growing to ``coarse`` [mm] away from it.
+
+    By gmsh, or as it was kept from an earlier run, see `kept`.
 
     Raises:
         MeshError: the drawing cannot be meshed.
     """
     check_drawing(drawing, coarse, growth)
+    file = mesh_file(drawing, coarse, growth)
+    found = None if file is None else read_kept(file)
+    if found is None:
+        found = _meshed(drawing, coarse, growth)
+        if file is not None:
+            keep(file, found)
+    return found
+
+
+def _meshed(drawing: Drawing, coarse: float, growth: float) -> MeshData:
+    """What gmsh makes of a drawing.
+
+    Raises:
+        MeshError: it cannot.
+    """
     interrupt = signal.getsignal(signal.SIGINT)  # importing gmsh takes Ctrl-C for itself
     import gmsh
 

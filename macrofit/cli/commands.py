@@ -19,6 +19,7 @@ from .options import POSITIVE, changes, completes_key, reads_curves, scene_argum
 
 if TYPE_CHECKING:
     from ..acceptance import Standard
+    from ..scene import Scene
 
 
 @click.group("macrofit", cls=Commands, context_settings=SETTINGS)
@@ -72,8 +73,7 @@ def run(
         resolved, rules = made_by_first(comm, lambda: (load_scene(scene, overrides), asked_standard(standard)))
         for line in idle_keys(resolved) if comm.rank == 0 else []:
             complain(f"warning: {line}")
-        if comm.rank < 2 and None in (resolved.mesh.axle, resolved.mesh.wheel):
-            import_mesher()
+        import_mesher_for(resolved, comm.rank)
         from ..run import carry_out
 
         lines = carry_out(resolved, comm, target, resume=resume, quiet=quiet, strict=strict, standard=rules)
@@ -316,8 +316,7 @@ def service(
         from ..scene import load_scene
 
         resolved = load_scene(scene, overrides)
-        if None in (resolved.mesh.axle, resolved.mesh.wheel):
-            import_mesher()
+        import_mesher_for(resolved)
         from ..service.run import carry_out_service
 
         lines = carry_out_service(resolved, comm, target, bonded=bonded, quiet=quiet, resume=resume)
@@ -339,6 +338,15 @@ def say_lines(lines: Iterable[str], *, quiet: bool) -> None:
             say(line)
         elif line.startswith(DOUBTFUL):
             click.echo(line, err=True)
+
+
+def import_mesher_for(scene: Scene, rank: int = 0) -> None:
+    """Import gmsh on ranks that hold a body which has to be drawn: none that is kept."""
+    if rank < 2 and None in (scene.mesh.axle, scene.mesh.wheel):
+        from ..bodies.kept import all_kept
+
+        if not all_kept(scene):
+            import_mesher()
 
 
 def import_mesher() -> None:

@@ -13,6 +13,7 @@ or two seat facets that the wheel covers in part.
 from __future__ import annotations
 
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg as sla
@@ -22,6 +23,9 @@ from ..bodies.body import CondensedBody
 from .law import ContactProblem, LinearSolution, Status
 from .seat import Seat, SeatRows
 from .status import OPEN, SLIP, STICK
+
+Block: TypeAlias = tuple[int, int, slice, slice, FloatArray]
+"""Component of the approach and of the force, where on the seat the force is, where the approach, and the influence."""
 
 
 class Condensed:
@@ -67,15 +71,25 @@ class Condensed:
                 band.add_product(out, scale, spread[component].T)
         return both
 
-    def respond(self, contact: ContactProblem, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def blocks(self, contact: ContactProblem) -> list[Block]:
+        """Where forces on whole and on partly covered facets act on either."""
+        index = contact.covered.index
+        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
+        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
+        return [
+            (i, j, rows, columns, self._influence[j, i, rows, columns])
+            for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1))
+        ]
+
+    def respond(
+        self, contact: ContactProblem, forces: FloatArray, blocks: list[Block]
+    ) -> tuple[FloatArray, FloatArray]:
         """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
         index = contact.covered.index
         spread, response = np.zeros((2, 2, self._influence.shape[2]))
         spread[:, index] = forces
-        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
-        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
-        for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1)):
-            response[i, columns] += spread[j, rows] @ self._influence[j, i, rows, columns]
+        for i, j, rows, columns, influence in blocks:
+            response[i, columns] += spread[j, rows] @ influence
         bore = -_product_within(self.wheel.compliance, contact.coupling.bore.span, contact.coupling.bore_loads(forces))
         return response[:, index] - contact.coupling.bore_moments(bore), bore
 
@@ -102,33 +116,38 @@ class CondensedProblem:
     def __init__(self, engine: Condensed, contact: ContactProblem) -> None:
         self.engine, self.contact = engine, contact
         self._rows: dict[int, list[FloatArray]] = {}
+        self._blocks = engine.blocks(contact)
         self._status: Status | None = None
-        self._lu: tuple[FloatArray, FloatArray] | None = None
-        n = contact.moments
-        self._traction, self._response, self._kappa = np.zeros((2, n)), np.zeros((2, n)), np.zeros(n)
+        self._lu: tuple[FloatArray, IntArray] | None = None
+        self._traction, self._total, self._response = np.zeros((3, 2, contact.moments))
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Solve for the traction; where only kappa changed, correct the last answer with the factors at hand."""
         contact = self.contact
-        active, sticking = np.flatnonzero(status.kind != OPEN), np.flatnonzero(status.kind == STICK)
-        slipping = np.flatnonzero(status.kind == SLIP)
         if self._status is None or not self.engine.reuse or not self._status.same(status):
             self._status = status
-            self._traction, self._response = np.zeros((2, contact.moments)), np.zeros((2, contact.moments))
-            self._factor(status, kappa, friction, active, sticking)
+            self._traction, self._response = np.zeros((2, 2, contact.moments))
+            self._active, self._sticking = (status.kind != OPEN).nonzero()[0], (status.kind == STICK).nonzero()[0]
+            self._slipping = (status.kind == SLIP).nonzero()[0]
+            self._factor(status, kappa, friction, self._active, self._sticking)
+            total = contact.total(self._traction, kappa)
         else:
-            self._turn(kappa, stick=len(sticking) > 0)
-        residual = contact.residual(self._traction, self._response, kappa)
+            total = contact.total(self._traction, kappa)
+            self._turn(total, stick=len(self._sticking) > 0)
+        active, sticking, slipping = self._active, self._sticking, self._slipping
+        residual = contact.residual(self._traction, total, self._response)
         unknown = np.concatenate([residual[0, active], residual[1, sticking]])
-        step = sla.lu_solve(self._lu, unknown, check_finite=False) if len(unknown) else unknown
+        step = unknown
+        if self._lu is not None and len(unknown):
+            step = sla.lapack.dgetrs(*self._lu, unknown)[0]
         traction = self._traction.copy()
         traction[0, active] += step[: len(active)]
         traction[1, sticking] += step[len(active) :]
         traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
         total = contact.total(traction, kappa)
-        self._response, bore = self.engine.respond(contact, contact.covered.weight * total)
-        self._traction, self._kappa = traction, kappa
-        trial = traction + contact.covered.gamma * contact.residual(traction, self._response, kappa)
+        self._response, bore = self.engine.respond(contact, contact.covered.weight * total, self._blocks)
+        self._traction, self._total = traction, total
+        trial = traction + contact.covered.gamma * contact.residual(traction, total, self._response)
         return LinearSolution(traction, trial, total, contact.kappa(bore))
 
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
@@ -136,11 +155,9 @@ class CondensedProblem:
         seat_load, bore_load = self.contact.loads(answer.total)
         return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
 
-    def _turn(self, kappa: FloatArray, *, stick: bool) -> None:
-        """Follow a change of kappa in the rows of the response that the next residual needs."""
-        forces = self.contact.covered.weight * (
-            self.contact.total(self._traction, kappa) - self.contact.total(self._traction, self._kappa)
-        )
+    def _turn(self, total: FloatArray, *, stick: bool) -> None:
+        """Follow a change of kappa, and so of tau to ``total`` [MPa], in the rows that the next residual needs."""
+        forces = self.contact.covered.weight * (total - self._total)
         for i in (0, 1) if stick else (0,):
             rows = self._influence(i)
             self._response[i] += forces[0] @ rows[0] + forces[1] @ rows[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,8 +25,9 @@ class Band:
 
     def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
         """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (span, k); skips zero blocks."""
-        for rows, columns in self.blocks:
-            if scale[rows].any():
+        live = np.logical_or.reduceat(scale != 0.0, [rows.start for rows, _ in self.blocks]).tolist()
+        for (rows, columns), needed in zip(self.blocks, live, strict=True):
+            if needed:
                 out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
 
 
@@ -45,16 +47,24 @@ class MortarCoupling:
     thermal_strain: float  # of the wheel
     clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
 
+    @cached_property
+    def normals_by_component(self) -> FloatArray:
+        """n_r and n_z (2, p n)."""
+        return np.ascontiguousarray(self.normals.T)
+
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
         """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
         r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.bore.matrix.T
-        n_r, n_z = self.normals.T
-        return np.stack([n_r * r + n_z * z, n_r * z - n_z * r])
+        n_r, n_z = self.normals_by_component
+        moments = np.empty((2, len(r)))
+        moments[0], moments[1] = n_r * r + n_z * z, n_r * z - n_z * r
+        return moments
 
     def bore_loads(self, forces: FloatArray) -> FloatArray:
         """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]."""
-        n_r, n_z = self.normals.T
-        components = np.stack([n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]])
+        n_r, n_z = self.normals_by_component
+        components = np.empty((2, len(n_r)))
+        components[0], components[1] = n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]
         loads = np.zeros((2, self.nodes))
         loads[:, self.bore.span] = components @ self.bore.matrix
         return loads.ravel()
@@ -62,7 +72,8 @@ class MortarCoupling:
     def bore_slope(self, displacement: FloatArray) -> FloatArray:
         """n . du/ds (p n,), moments along the bore."""
         r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.slope.T
-        return np.asarray(self.normals[:, 0] * r + self.normals[:, 1] * z)
+        n_r, n_z = self.normals_by_component
+        return np.asarray(n_r * r + n_z * z)
 
     @property
     def bore_rows(self) -> sp.csr_matrix:

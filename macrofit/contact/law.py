@@ -36,7 +36,7 @@ import numpy.typing as npt
 from ..base.arrays import FloatArray
 from .interface import MortarCoupling
 from .seat import CoveredSeat
-from .status import OPEN, SLIP, STICK
+from .status import SLIP, STICK
 
 StatusArray = npt.NDArray[np.int8]
 
@@ -50,7 +50,8 @@ class Status:
 
     def same(self, other: Status) -> bool:
         """Whether two states are alike in every moment."""
-        return bool((self.kind == other.kind).all() and (self.sign == other.sign).all())
+        alike = self.kind.tobytes() == other.kind.tobytes() and self.sign.tobytes() == other.sign.tobytes()
+        return self is other or alike
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,18 @@ class ContactProblem:
         """Number of moments n."""
         return len(self.covered.weight)
 
-    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
-        """tau = lambda + Q (2, n): in the facet's frame the axial direction is (n_z, n_r)."""
-        return np.asarray(traction - traction[0] * kappa * self.covered.normals.T[::-1])
+    @cached_property
+    def _axial(self) -> FloatArray:
+        """The axial direction in the frame of each facet, (n_z, n_r) (2, n)."""
+        return np.ascontiguousarray(self.covered.normals.T[::-1])
 
-    def residual(self, traction: FloatArray, response: FloatArray, kappa: FloatArray) -> FloatArray:
+    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
+        """tau = lambda + Q (2, n)."""
+        return np.asarray(traction - traction[0] * kappa * self._axial)
+
+    def residual(self, traction: FloatArray, total: FloatArray, response: FloatArray) -> FloatArray:
         """(2, n) (trial - lambda) / gamma = g - A W tau - (lambda [+ Q]) / gamma, for the response A W tau [mm]."""
-        own = self.total(traction, kappa) if self.nitsche else traction
-        return self.approach - response - own / self.covered.gamma
+        return self.approach - response - (total if self.nitsche else traction) / self.covered.gamma
 
     def loads(self, total: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nodal forces [N] on the axle's loaded nodes and on the bore's nodes."""
@@ -136,8 +141,8 @@ def classify(trial: FloatArray, friction: FloatArray, before: Status | None = No
     normal, tangential = trial
     bound = friction * np.maximum(-normal, 0.0)
     slips = (np.abs(tangential) > bound) | (friction == 0.0)
-    kind = np.where(normal >= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.int8)
-    sign = np.where((kind == SLIP) & (friction > 0.0), np.sign(tangential), 0).astype(np.int8)
+    kind: StatusArray = (slips.view(np.int8) * np.int8(SLIP - STICK) + np.int8(STICK)) * ~(normal >= 0.0)
+    sign: StatusArray = ((kind == SLIP) & (friction > 0.0)) * np.sign(tangential).astype(np.int8)
     if before is not None:
         reversed_ = before.sign * sign < 0
         kind[reversed_], sign[reversed_] = STICK, 0
@@ -146,6 +151,8 @@ def classify(trial: FloatArray, friction: FloatArray, before: Status | None = No
 
 def return_mapping(trial: FloatArray, friction: FloatArray) -> FloatArray:
     """The traction (2, n) of a trial traction (2, n): Coulomb's law by return mapping."""
-    normal = np.minimum(trial[0], 0.0)
-    bound = -friction * normal
-    return np.stack([normal, np.clip(trial[1], -bound, bound)])
+    traction = np.empty_like(trial)
+    np.minimum(trial[0], 0.0, out=traction[0])
+    bound = -friction * traction[0]
+    np.minimum(np.maximum(trial[1], -bound), bound, out=traction[1])
+    return traction

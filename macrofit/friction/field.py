@@ -24,6 +24,9 @@ Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], PairFriction]
 """How a batch is put to a provider; the solver shares it over MPI ranks."""
 
 
+_Told: TypeAlias = tuple[IntArray, FloatArray]
+"""Keys of pairs (m,), and their coefficients and uncertainties (2, m)."""
+
 JOURNALED = "friction."
 """What the names of the field's arrays start with in a journal."""
 
@@ -89,7 +92,8 @@ class FrictionField:
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
         self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
-        self._news: IntArray = np.empty(0, dtype=np.int64)  # keys answered since `take_news`
+        self._news: list[_Told] = []  # answered since `news`
+        self._pending: list[_Told] = []  # answered, and not among those known yet
 
     def facet_friction(self, overlaps: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
         """The coefficient of friction of each facet for the coming increment [-], shape (n_facets,).
@@ -138,12 +142,14 @@ class FrictionField:
 
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
+        self._merge()
         return FieldState(*_pair(self._keys), *self._known.copy())
 
     def news(self) -> dict[str, FloatArray | IntArray]:
         """What was answered since this was last called, each pair once, as arrays that a journal adds to its own."""
-        keys, self._news = np.unique(self._news), self._news[:0]
-        state = FieldState(*_pair(keys), *self._known[:, np.searchsorted(self._keys, keys)])
+        keys, values = _latest(self._news)
+        self._news = []
+        state = FieldState(*_pair(keys), *values)
         news: dict[str, Any] = {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
         return news | ({FINGERPRINT: self.fingerprint} if self.fingerprint.size else {})
 
@@ -169,7 +175,7 @@ class FrictionField:
         Raises:
             ProviderError: the arrays differ in length or hold no coefficients of friction.
         """
-        self._keys, self._known, self._news = self._keys[:0], self._known[:, :0], self._news[:0]
+        self._keys, self._known, self._news, self._pending = self._keys[:0], self._known[:, :0], [], []
         for state in saved:
             seat, bore = np.asarray(state.seat, dtype=np.int64), np.asarray(state.bore, dtype=np.int64)
             if seat.ndim != 1 or seat.shape != bore.shape:
@@ -177,7 +183,9 @@ class FrictionField:
             unused = np.zeros(seat.size)
             pairs, who = TilePairs(seat, bore, unused, unused), f"{self.name} (saved)"
             coefficient = checked_answer(state.coefficient, pairs, who)
-            self._learn(_key(seat, bore), coefficient, checked_uncertainty(state.uncertainty, pairs, who))
+            values = np.stack([coefficient, checked_uncertainty(state.uncertainty, pairs, who)])
+            self._pending.append((_key(seat, bore), values))
+        self._merge()
 
     def _cached(self, keys: IntArray) -> FloatArray:
         """The coefficient of each key, asking the provider for those not seen yet."""
@@ -185,18 +193,15 @@ class FrictionField:
         if new.size:
             unused = np.zeros(new.size)
             self._asked(TilePairs(*_pair(new), unused, unused))
+            self._merge()
         known: FloatArray = self._known[0, np.searchsorted(self._keys, keys)]
         return known
 
-    def _learn(self, keys: IntArray, coefficient: FloatArray, uncertainty: FloatArray) -> None:
-        """Remember what was said of the keys, in place of what was known of them."""
-        keys, first = np.unique(keys, return_index=True)
-        values = np.stack([coefficient, uncertainty])[:, first]
-        place = np.searchsorted(self._keys, keys)
-        known = np.isin(keys, self._keys[place[place < self._keys.size]])
-        self._known[:, place[known]] = values[:, known]
-        self._keys = np.insert(self._keys, place[~known], keys[~known])
-        self._known = np.insert(self._known, place[~known], values[:, ~known], axis=1)
+    def _merge(self) -> None:
+        """Remember what was said of pairs lately, in place of what was known of them."""
+        if self._pending:
+            self._keys, self._known = _latest([(self._keys, self._known), *self._pending])
+            self._pending = []
 
     def _knows(self, keys: IntArray) -> bool:
         if not self._keys.size:
@@ -230,9 +235,10 @@ class FrictionField:
                 f"the first of {first}, with {type(error).__name__}: {error}"
             ) from error
         coefficient = checked_answer(answer.coefficient, pairs, self.name)
-        keys = _key(pairs.seat, pairs.bore)
-        self._learn(keys, coefficient, checked_uncertainty(answer.uncertainty, pairs, self.name))
-        self._news = np.append(self._news, keys)
+        values = np.stack([coefficient, checked_uncertainty(answer.uncertainty, pairs, self.name)])
+        told = _key(pairs.seat, pairs.bore), values
+        self._pending.append(told)
+        self._news.append(told)
         return coefficient
 
 
@@ -243,6 +249,17 @@ def _key(seat: IntArray, bore: IntArray) -> IntArray:
 
 def _pair(key: IntArray) -> tuple[IntArray, IntArray]:
     return key >> 32, key & 0xFFFFFFFF
+
+
+def _latest(told: list[_Told]) -> _Told:
+    """Each pair once, in order, with what was said of it last."""
+    if not told:
+        return np.empty(0, dtype=np.int64), np.empty((2, 0))
+    keys, values = (np.concatenate(column, axis=-1) for column in zip(*told, strict=True))
+    if len(told) == 1 and np.all(keys[1:] > keys[:-1]):
+        return keys, values
+    keys, first = np.unique(keys[::-1], return_index=True)
+    return keys, values[:, values.shape[1] - 1 - first]
 
 
 def _facet_mean(facet: IntArray, weight: FloatArray, friction: FloatArray, facets: int) -> FloatArray:

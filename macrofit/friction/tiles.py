@@ -29,6 +29,11 @@ class TileOverlaps(NamedTuple):
         return TileOverlaps(self.facet[index], self.seat[index], self.bore[index], self.weight[index])
 
 
+_NONE = np.empty(0, dtype=np.int64)
+NO_OVERLAPS = TileOverlaps(_NONE, _NONE, _NONE, np.empty(0))
+"""Those of a provider that does not tell pairs apart."""
+
+
 def tile_overlaps(
     facet_start: FloatArray,
     facet_end: FloatArray,
@@ -74,8 +79,8 @@ def _split(
     start: FloatArray, end: FloatArray, size: float, tiles: int
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Cut intervals at multiples of `size`: each piece's interval number, tile number, start and end."""
-    first = np.clip(np.floor(start / size), 0, tiles).astype(np.int64)
-    last = np.clip(np.ceil(end / size), 0, tiles).astype(np.int64)
+    first = np.minimum(np.maximum(np.floor(start / size), 0), tiles).astype(np.int64)
+    last = np.minimum(np.maximum(np.ceil(end / size), 0), tiles).astype(np.int64)
     count = np.maximum(last - first, 0)
     origin = np.repeat(np.arange(start.size, dtype=np.int64), count)
     tile = first[origin] + np.arange(origin.size, dtype=np.int64) - np.repeat(np.cumsum(count) - count, count)

@@ -42,15 +42,15 @@ def rough_face(keys: FaceKeys, body: Body, seed: int, size: tuple[float, float])
 def _strip(keys: FaceKeys, body: Body, strip: int, place: int, size: tuple[float, float]) -> Surface:
     """A piece of a strip, before grooves."""
     if keys.generator == "diamond_square":
-        column = diamond_square_strip(
+        columns, cells = diamond_square_strip(
             body, strip, levels=keys.levels, max_height=keys.max_height, hurst_exponent=keys.hurst_exponent, size=size
         )
     else:
-        column = spectral_strip(
+        columns, cells = spectral_strip(
             body, strip, levels=keys.levels, rms_height=keys.rms_height, hurst_exponent=keys.hurst_exponent,
             roll_off=keys.roll_off, width=size[1],
         )  # fmt: skip
-    face = cut(column, place, size)
+    face = cut(columns, cells, place, size)
     return Surface(_stretched(face.heights, keys.anisotropy), size) if keys.lay == "ground" else face
 
 

@@ -20,26 +20,32 @@ from .surface import TILES, Body, FloatArray, Surface, check_bounds, generator, 
 Column: TypeAlias = Callable[[int], FloatArray]
 """Heights of a column by its number, (m, m + 1): its right edge belongs to the next."""
 
+Columns: TypeAlias = Callable[[int, int], FloatArray]
+"""Heights of columns by the number of the first and how many, (count m, m + 1)."""
+
+KEPT = 3
+"""Most columns that are made one by one, and kept for their neighbours: those of a tile."""
+TOGETHER = 2**18
+"""Points of a row of squares that are made together, at most."""
+
 REACH = 1.25
 """Support of the spectral kernel on each side, over the roll-off wavelength [-]."""
 
 
-def cut(column: Column, place: int, size: tuple[float, float]) -> Surface:
+def cut(columns: Columns, cells: int, place: int, size: tuple[float, float]) -> Surface:
     """The face that lies at `place` widths along a strip.
 
     Args:
-        column: heights of the strip's columns.
+        columns: heights of the strip's columns.
+        cells: cells along a column, m.
         place: where the face begins, in widths.
         size: length along the slide and width [mm].
     """
     length, width = size
-    first = column(place)
-    cells = first.shape[1] - 1
     points = length / width * cells
     whole = abs(points - round(points)) < 1e-9 * points
     rows = (round(points) if whole else ceil(points)) + 1
-    columns = [first] + [column(place + k) for k in range(1, ceil(rows / cells))]
-    heights = np.concatenate(columns)[:rows]
+    heights = columns(place, ceil(rows / cells))[:rows]
     if whole:
         return Surface(heights, size)
     longer = Surface(heights, ((rows - 1) * width / cells, width))
@@ -49,7 +55,7 @@ def cut(column: Column, place: int, size: tuple[float, float]) -> Surface:
 
 def diamond_square_strip(
     body: Body, strip: int, *, levels: int, max_height: float, hurst_exponent: float, size: tuple[float, float]
-) -> Column:
+) -> tuple[Columns, int]:
     """Columns of a Diamond-Square surface without end, in both directions.
 
     As `diamond_square`, on a plane of squares of which the strip is one row: all edges have squares on both sides.
@@ -63,6 +69,9 @@ def diamond_square_strip(
         hurst_exponent: H [-].
         size: a face that will be cut; its width is that of the strip [mm].
 
+    Returns:
+        The columns, and the cells along one.
+
     Raises:
         SettingsError: levels, max_height or hurst_exponent out of bounds.
         SurfaceError: a size that is not a row of whole squares.
@@ -70,20 +79,41 @@ def diamond_square_strip(
     grid_shape(levels, size)
     check_bounds("max_height", max_height)
     check_bounds("hurst_exponent", hurst_exponent, 1.0)
-    return functools.partial(_square, body, strip, levels, max_height, hurst_exponent)
+    how = body, strip, levels, max_height, hurst_exponent
+    most = max(1, TOGETHER >> 2 * levels)
+
+    def columns(first: int, count: int) -> FloatArray:
+        if count <= KEPT:
+            return _joined(functools.partial(_square, *how), first, count)
+        end = first + count
+        return np.concatenate([_squares(*how, at, min(most, end - at)) for at in range(first, end, most)])
+
+    return columns, 2**levels
+
+
+def _joined(column: Column, first: int, count: int) -> FloatArray:
+    """Columns one after the other."""
+    return np.concatenate([column(first + k) for k in range(count)])
 
 
 @functools.lru_cache(maxsize=12)
 def _square(body: Body, strip: int, levels: int, max_height: float, hurst_exponent: float, column: int) -> FloatArray:
-    """The middle one of three by three squares."""
+    """Heights of one column."""
+    return _fixed(_squares(body, strip, levels, max_height, hurst_exponent, column, 1))
+
+
+def _squares(
+    body: Body, strip: int, levels: int, max_height: float, hurst_exponent: float, first: int, count: int
+) -> FloatArray:
+    """The middle ones of three rows of squares, with one more at each end."""
     side = 2**levels
-    near = [_draws(body, strip, levels, column + k) for k in (-1, 0, 1, 2)]
-    h = np.zeros((3 * side + 1, 3 * side + 1))
+    near = [_draws(body, strip, levels, first + k) for k in range(-1, count + 2)]
+    h = np.zeros(((count + 2) * side + 1, 3 * side + 1))
     h[::side, ::side] = max_height * (np.stack([each.corners for each in near]) - 0.5)
     for level in range(1, levels + 1):
         step = side >> level
         subdivide(h[::step, ::step], _noise(near, level), max_height * 2.0 ** (-hurst_exponent * level))
-    return _fixed(h[side : 2 * side, side : 2 * side + 1])
+    return h[side : (count + 1) * side, side : 2 * side + 1]
 
 
 class _Level(NamedTuple):
@@ -115,13 +145,13 @@ def _draws(body: Body, strip: int, levels: int, column: int) -> _Draws:
 
 
 def _noise(near: list[_Draws], level: int) -> Callable[[tuple[int, ...]], FloatArray]:
-    """Random numbers of three columns and of the edge behind them, in the order that `subdivide` draws them."""
-    *three, behind = (each.levels[level - 1] for each in near)
+    """Random numbers of columns and of the edge behind them, in the order that `subdivide` draws them."""
+    *these, behind = (each.levels[level - 1] for each in near)
     parts = iter(
         [
-            np.concatenate([each.centres for each in three]),
-            np.concatenate([each.along for each in three]),
-            np.concatenate([each.across for each in three] + [behind.across[:, :1]], axis=1),
+            np.concatenate([each.centres for each in these]),
+            np.concatenate([each.along for each in these]),
+            np.concatenate([each.across for each in these] + [behind.across[:, :1]], axis=1),
         ]
     )
     return lambda _: next(parts)
@@ -136,7 +166,7 @@ def spectral_strip(
     hurst_exponent: float,
     roll_off: float,
     width: float,
-) -> Column:
+) -> tuple[Columns, int]:
     """Columns of a stationary, isotropic Gaussian surface: white noise under a kernel of finite support.
 
     The kernel's transform is the root of the spectrum of `self_affine`, C(q) ~ q^(-2-2H), constant above the roll-off
@@ -152,6 +182,9 @@ def spectral_strip(
         roll_off: wavelength above which the spectrum is flat [mm].
         width: of the strip [mm].
 
+    Returns:
+        The columns, and the cells along one.
+
     Raises:
         SettingsError: rms_height or hurst_exponent out of bounds.
     """
@@ -159,7 +192,8 @@ def spectral_strip(
     check_bounds("hurst_exponent", hurst_exponent, 1.0)
     cells = max(2, round(width * 2**levels))
     margin = ceil(REACH * roll_off / width * cells - 1e-9)
-    return functools.partial(_convolved, body, strip, cells, margin, rms_height, hurst_exponent, roll_off, width)
+    how = body, strip, cells, margin, rms_height, hurst_exponent, roll_off, width
+    return functools.partial(_joined, functools.partial(_convolved, *how)), cells
 
 
 @functools.lru_cache(maxsize=12)

@@ -89,13 +89,7 @@ class Surface:
 
         Points beyond the border take the height of the nearest point of the border.
         """
-        i, u = self._cell(x, 0)
-        j, v = self._cell(y, 1)
-        h = self.heights
-        corner, opposite = h[i, j], h[i + 1, j + 1]
-        middle = np.where(u >= v, h[i + 1, j], h[i, j + 1])  # the third corner of the point's triangle
-        larger, smaller = np.maximum(u, v), np.minimum(u, v)
-        return np.asarray(corner + (middle - corner) * larger + (opposite - middle) * smaller)
+        return heights_at(self.heights, self.size, x, y)
 
     def resampled(self, shape: tuple[int, int]) -> Surface:
         """The same face read at another number of points; nothing is smoothed, so fewer points leave peaks out."""
@@ -111,11 +105,31 @@ class Surface:
         across = wx @ rest @ (wy * y) / (wy @ y**2)
         return Surface(rest - along * x[:, None] - across * y[None, :], self.size)
 
-    def _cell(self, coordinate: npt.ArrayLike, axis: int) -> tuple[npt.NDArray[np.intp], FloatArray]:
-        cells = self.shape[axis] - 1
-        s = np.clip(np.asarray(coordinate, dtype=np.float64) * (cells / self.size[axis]), 0.0, cells)
-        cell = np.minimum(s.astype(np.intp), cells - 1)
-        return cell, s - cell
+
+def heights_at(h: FloatArray, size: tuple[float, float], x: npt.ArrayLike, y: npt.ArrayLike) -> FloatArray:
+    """Heights of faces of one size between their points, as `Surface.at` has them.
+
+    Args:
+        h: heights of the faces (..., nx, ny) [mm].
+        size: length along the slide and width [mm].
+        x: along the slide [mm].
+        y: across [mm].
+
+    Returns:
+        Heights (..., shape that x and y broadcast to) [mm].
+    """
+    (i, u), (j, v) = (_cell(h.shape[axis - 2] - 1, size[axis], at) for axis, at in enumerate((x, y)))
+    corner, opposite = h[..., i, j], h[..., i + 1, j + 1]
+    middle = np.where(u >= v, h[..., i + 1, j], h[..., i, j + 1])  # the third corner of the point's triangle
+    larger, smaller = np.maximum(u, v), np.minimum(u, v)
+    return np.asarray(corner + (middle - corner) * larger + (opposite - middle) * smaller)
+
+
+def _cell(cells: int, length: float, coordinate: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """The cell of each coordinate [mm] along so many cells, and its place within."""
+    s = np.clip(np.asarray(coordinate, dtype=np.float64) * (cells / length), 0.0, cells)
+    cell = np.minimum(s.astype(np.intp), cells - 1)
+    return cell, s - cell
 
 
 def generator(purpose: str, *numbers: int) -> np.random.Generator:

@@ -13,7 +13,7 @@ from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
 from meso.surfaces.measured import covering, scan_of
-from meso.surfaces.surface import Body, Surface
+from meso.surfaces.surface import Body, Surface, heights_at
 
 from ..errors import PredictionError
 
@@ -38,12 +38,47 @@ def generated_face(body: Body, seed: int, keys: FaceKeys, points: int = POINTS) 
     Raises:
         PredictionError: a key that its generator refuses.
     """
-    size = (1.0, 1.0) if body == "wheel" else (2.0, 1.0)
+    face: HeightArray = generated_faces(body, seed, 1, keys, points)[0]
+    return face
+
+
+def generated_faces(body: Body, seed: int, count: int, keys: FaceKeys, points: int = POINTS) -> HeightArray:
+    """Make the faces of seeds that follow each other, to the bits of `generated_face`.
+
+    Those of a strip overlap: they are cut from one piece of it, which is made in a fraction of their time.
+
+    Args:
+        body: body whose faces they are.
+        seed: seed of the first; of a strip, all of them lie on it.
+        count: how many, 1 or more.
+        keys: how they are made.
+        points: points of a face along 1 mm.
+
+    Returns:
+        Heights outward from the nominal face [mm], (count, points, points) or (count, 2 points - 1, points).
+
+    Raises:
+        PredictionError: a key that its generator refuses.
+    """
+    length = 1 if body == "wheel" else 2
+    size = float(length), 1.0
     try:
-        face = rough_face(keys, body, seed, size)
+        if not in_one_piece(keys, body):
+            faces = np.stack([rough_face(keys, body, each, size).heights for each in range(seed, seed + count)])
+        else:
+            long = rough_face(keys, body, seed, (size[0] + count - 1, 1.0)).heights
+            cells = long.shape[1] - 1
+            faces = np.stack([long[at * cells : (at + length) * cells + 1] for at in range(count)])
     except MesoError as error:
         raise PredictionError(f"surface of the {body}: {error}") from None
-    return sampled_heights(face, points)
+    shape = length * (points - 1) + 1, points
+    x, y = (np.linspace(0.0, extent, n) for extent, n in zip(size, shape, strict=True))
+    return np.asarray(heights_at(faces, size, x[:, None], y[None, :]), dtype=np.float32)
+
+
+def in_one_piece(keys: FaceKeys, body: Body) -> bool:
+    """Whether faces that follow each other are pieces of one that is made at once, and need not be levelled."""
+    return keys.form == "strip" and keys.measured(body) is None
 
 
 def sampled_heights(face: Surface, points: int) -> HeightArray:

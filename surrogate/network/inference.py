@@ -5,6 +5,7 @@ The formulas of `FoundationEnsemble`, in single precision over the nodes of a fa
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from itertools import pairwise
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 Single: TypeAlias = npt.NDArray[np.float32]
 """Numbers in the network's precision."""
 
-PAIRS_PER_CHUNK = 64
-"""Pairs whose foundations are computed together: they stay in the cache, and a reduction always sees this number."""
+NODES_PER_CHUNK = 2**15
+"""Nodes of the faces whose foundations are computed together: they stay in the cache."""
 LAWS_PER_CHUNK = 512
 """Pairs whose affine laws are computed together."""
 LEAST_SPREAD = 1e-5
@@ -104,26 +105,27 @@ class TrainedEnsemble:
         loads = np.full(count, options.load, dtype=np.float32) if load is None else load
         free = np.zeros(count, dtype=np.bool_) if constant_force is None else constant_force
         if roughness is None:
-            roughness = _each_roughness(wheels), _each_roughness(axles)
+            roughness = upper_roughness(wheels), upper_roughness(axles)
         slopes = np.empty((count, len(options.stiffness)), dtype=np.float32)
         features = np.empty((count, len(self.arrays["centre"])), dtype=np.float32)
         both = np.sqrt(np.square(roughness[0][wheel]) + np.square(roughness[1][axle]))
-        for start in range(0, count, PAIRS_PER_CHUNK):
-            part = slice(start, start + PAIRS_PER_CHUNK)
+        size = max(1, NODES_PER_CHUNK // (wheels.shape[1] * wheels.shape[2]))
+        room = self._room(2 * options.positions * size * wheels.shape[1] * wheels.shape[2])
+        for start in range(0, count, size):
+            part = slice(start, start + size)
             n, fixed = loads[part], free[part]
             faces = wheels[wheel[part]], axles[axle[part]]
-            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, self._room(wheels.shape[1:]))
+            slide = slide_foundations(options, *faces, n.astype(np.float64), fixed, room)
             parts = [both[part], slide.load, slide.depth, slide.least]
             if options.wide:
                 parts.insert(1, np.column_stack([np.log(n / np.float32(options.load)), fixed.astype(np.float32)]))
             slopes[part], features[part] = slide.b, np.concatenate(parts, axis=1)
         return slopes, features
 
-    def _room(self, face: tuple[int, ...]) -> Single:
-        """Memory for the sums of a chunk at all positions and for one array more; new memory costs as much as sums."""
-        shape = (self.options.positions + 1, PAIRS_PER_CHUNK, face[0] * face[1])
-        if self._kept.shape != shape:
-            self._kept = np.empty(shape, dtype=np.float32)
+    def _room(self, size: int) -> Single:
+        """Memory for the sums of a chunk at all positions, and as much again; new memory costs as much as sums."""
+        if len(self._kept) < size:
+            self._kept = np.empty(size, dtype=np.float32)
         return self._kept
 
     def member_laws(self, slopes: Single, features: Single) -> Single:
@@ -189,17 +191,16 @@ def positive(values: Single) -> Single:
     return np.asarray(np.float32(0.5) * (values + np.sqrt(np.square(values) + np.float32(1.0))))
 
 
-def upper_roughness(face: HeightArray) -> Single:
-    """Rms height above the median [mm] and rms step between neighbours [mm] of the upper half of a face; (2,)."""
-    middle = np.partition(face, (face.size - 1) // 2, axis=None)[(face.size - 1) // 2]
-    upper = np.maximum(face - middle, np.float32(0.0))
-    along, across = np.square(np.diff(upper, axis=0)), np.square(np.diff(upper, axis=1))
-    steps = (along.sum(dtype=np.float64) + across.sum(dtype=np.float64)) / (along.size + across.size)
-    return np.sqrt([np.square(upper).mean(dtype=np.float64), steps]).astype(np.float32)
-
-
-def _each_roughness(faces: HeightArray) -> Single:
-    return np.array([upper_roughness(face) for face in faces], dtype=np.float32).reshape(len(faces), 2)
+def upper_roughness(faces: HeightArray) -> Single:
+    """Rms height above the median [mm] and rms step between neighbours [mm] of the upper half of faces; (faces, 2)."""
+    count, flat = len(faces), faces.reshape(len(faces), -1)
+    half = (flat.shape[1] - 1) // 2
+    middle = np.partition(flat, half, axis=1)[:, half] if count else np.zeros(0, dtype=np.float32)
+    upper = np.maximum(faces - middle[:, None, None], np.float32(0.0))
+    along, across = np.square(np.diff(upper, axis=1)), np.square(np.diff(upper, axis=2))
+    each = [part.reshape(count, -1).astype(np.float64) for part in (np.square(upper), along, across)]
+    steps = (each[1].sum(axis=1) + each[2].sum(axis=1)) / (each[1].shape[1] + each[2].shape[1])
+    return np.asarray(np.sqrt(np.column_stack([each[0].mean(axis=1), steps])), dtype=np.float32)
 
 
 def _mean_in_order(members: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -231,41 +232,71 @@ def slide_foundations(
         axle: heights (pairs, 2 n + 1, n + 1) [mm].
         loads: normal force at the start of each pair (pairs,) [N].
         free: whether each pair keeps its load, (pairs,); else it keeps its height.
-        room: memory to be overwritten, (positions + 1, at least pairs, G).
+        room: memory to be overwritten, (at least 2 x positions x pairs x G,).
     """
     pairs, row = len(wheel), wheel.shape[2]
     stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
     face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
     nodes = face.shape[1]
-    *sums, work = room[:, :pairs]
-    places = (0, options.positions - 1) if free.all() else range(options.positions)
-    for at, k in zip(sums, places, strict=False):
-        np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
+
+    def slid(places: Sequence[int], *, free: bool) -> SlideNumbers:
+        area = room[: 2 * len(places) * pairs * nodes].reshape(2, len(places), pairs, nodes)
+        for at, k in zip(area[0], places, strict=True):
+            np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
+        return _slid(options, area[0], loads, area[1], free=free)
+
     if free.all():
-        return _slid(options, sums[:2], loads, work, free=True)
-    held = _slid(options, sums, loads, work, free=False)
+        return slid((0, options.positions - 1), free=True)
+    held = slid(range(options.positions), free=False)
     if not free.any():
         return held
-    both = zip(_slid(options, [sums[0], sums[-1]], loads, work, free=True), held, strict=True)
+    both = zip(slid((0, options.positions - 1), free=True), held, strict=True)
     return SlideNumbers(*(np.where(free[:, None], *each) for each in both))
 
 
-def _slid(
-    options: EnsembleOptions, sums: Sequence[HeightArray], loads: FloatArray, work: Single, *, free: bool
-) -> SlideNumbers:
-    """Slide at constant force over the first place and the last, or at constant height over all of them."""
-    solved, nodes = sums if free else sums[:1], sums[0].shape[1]
+def _slid(options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, *, free: bool) -> SlideNumbers:
+    """Slide at constant force over the first place and the last, or at constant height over all of them.
+
+    The places of `sums` (places, pairs, G) are solved together where each has a height of its own.
+    """
+    places, pairs, nodes = sums.shape
+    solved = sums if free else sums[:1]
+    rows, over = solved.reshape(-1, nodes), work[: len(solved)].reshape(-1, nodes)
+    each = np.tile(loads, len(solved))
     # flat faces would be pressed to their mean less the overlap: others not so deep
-    heights = [_row_sums(at) / nodes - loads / options.stiffness[0] for at in solved]  # (P,) each
+    touch = touched(rows, _row_sums(rows) / nodes - each / options.stiffness[0], over)
     found = []
     for stiffness in options.stiffness:
-        overlap = loads / stiffness
-        heights = [contact_height(at, overlap, z, work) for at, z in zip(solved, heights, strict=True)]
-        found.append(_response(sums, heights if free else heights * len(sums), stiffness, loads, work))
+        touch = contact_height(rows, each / stiffness, touch, over)
+        heights, squares = touch.height.reshape(-1, pairs), np.einsum("ij,ij->i", over, over).reshape(-1, pairs)
+        overlaps = touch.overlap.reshape(-1, pairs)
+        if not free and places > 1:
+            rest = touched(sums[1:].reshape(-1, nodes), np.tile(heights[0], places - 1), work[1:].reshape(-1, nodes))
+            overlaps = np.concatenate([overlaps, rest.overlap.reshape(-1, pairs)])
+            more = np.einsum("ij,ij->i", *[work[1:].reshape(-1, nodes)] * 2).reshape(-1, pairs)
+            squares = np.concatenate([squares, more])
+        found.append(_response(overlaps, squares, heights, stiffness / nodes, loads))
     return SlideNumbers(*(np.stack(column, axis=1).astype(np.float32) for column in zip(*found, strict=True)))
 
 
-def contact_height(sums: HeightArray, overlap: FloatArray, start: FloatArray, work: Single) -> FloatArray:
+class Touch(NamedTuple):
+    """Faces at heights z, (rows,) each."""
+
+    height: FloatArray
+    """Height z of each row [mm]."""
+    overlap: FloatArray
+    """Sum over the nodes of what is above z [mm]."""
+    nodes: IntArray
+    """Number of nodes above z [-]."""
+
+
+def touched(sums: HeightArray, height: FloatArray, work: Single) -> Touch:
+    """What touches at these heights; leaves the overlap of each node in `work`."""
+    _overlap(sums, height, work)
+    return Touch(height, _row_sums(work), np.add.reduce(work > 0.0, axis=1, dtype=np.int32))
+
+
+def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: Single) -> Touch:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
     Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap.
@@ -273,41 +304,48 @@ def contact_height(sums: HeightArray, overlap: FloatArray, start: FloatArray, wo
     Args:
         sums: sums of the heights of both faces (pairs, G) [mm].
         overlap: mean overlap over all nodes (pairs,) [mm].
-        start: a height not above z (pairs,) [mm].
-        work: an array of the shape of `sums` to be overwritten.
+        start: at a height not above z.
+        work: the overlaps of `start` (pairs, G); those at z are left there.
     """
-    height = start
+    touch = start
     for _ in range(NEWTON_STEPS):
-        _overlap(sums, height, work)
-        touching = np.add.reduce(work > 0.0, axis=1, dtype=np.int32)
-        step = (_row_sums(work) - overlap * sums.shape[1]) / np.maximum(touching, 1)
+        step = (touch.overlap - overlap * sums.shape[1]) / np.maximum(touch.nodes, 1)
         moves = step > NEWTON_TOLERANCE * overlap
         if not moves.any():
             break
-        height = np.where(moves, height + step, height)
-    return height
+        touch = touched(sums, np.where(moves, touch.height + step, touch.height), work)
+    return touch
 
 
 def _response(
-    sums: Sequence[HeightArray], places: Sequence[FloatArray], stiffness: float, start: FloatArray, work: Single
+    overlaps: FloatArray, squares: Single, heights: FloatArray, spring: float, start: FloatArray
 ) -> tuple[FloatArray, ...]:
-    """b, mean load, least load and depth of a foundation whose face lies at these heights, (pairs,) each."""
-    loads, energies = np.empty((2, len(sums), len(start)))
-    spring = stiffness / sums[0].shape[1]
-    for k, (at, place) in enumerate(zip(sums, places, strict=True)):
-        _overlap(at, place, work)
-        loads[k] = spring * _row_sums(work)
-        energies[k] = 0.5 * spring * np.einsum("ij,ij->i", work, work)
+    """b, mean load, least load and depth of a foundation, (pairs,) each.
+
+    Args:
+        overlaps: sum over the nodes at each place (places, pairs) [mm].
+        squares: sum of the squares (places, pairs) [mm^2].
+        heights: of the face at each place, or the one at all of them (places or 1, pairs) [mm].
+        spring: stiffness of a node [N/mm].
+        start: normal force at the start (pairs,) [N].
+    """
+    loads, energies = spring * overlaps, (0.5 * spring * squares).astype(np.float64)
     load, energy = _trapezoid_mean(loads), _trapezoid_mean(energies)
     carried = np.maximum(load, 0.05 * start)
-    b = (energies[-1] - energies[0] + start * (places[-1] - places[0])) / carried
+    b = (energies[-1] - energies[0] + start * (heights[-1] - heights[0])) / carried
     return b, load / start, loads.min(axis=0) / start, energy / carried
 
 
 def _overlap(sums: HeightArray, heights: FloatArray, work: Single) -> None:
-    """What is above a height for each row, into `work`; a column of zeros is compared with twice as fast as a zero."""
+    """What is above a height for each row, into `work`; zeros of its shape are compared with twice as fast as one."""
     np.subtract(sums, heights[:, None].astype(np.float32), out=work)
-    np.maximum(work, np.zeros((len(work), 1), dtype=np.float32), out=work)
+    np.maximum(work, _zeros(work.size.bit_length())[: work.size].reshape(work.shape), out=work)
+
+
+@functools.lru_cache(maxsize=2)
+def _zeros(bits: int) -> Single:
+    """At least so many zeros as a number of so many bits counts."""
+    return np.zeros(1 << bits, dtype=np.float32)
 
 
 def _row_sums(rows: Single) -> FloatArray:

@@ -15,10 +15,12 @@ import torch
 from torch import Tensor, nn
 
 from .foundation import Foundation
-from .inference import CONSTANT_UNIT, FLOOR_UNIT, LEAST_SPREAD, PAIRS_PER_CHUNK
+from .inference import CONSTANT_UNIT, FLOOR_UNIT, LEAST_SPREAD
 
 Body: TypeAlias = Literal["axle", "wheel"]
 """Name of a body."""
+PAIRS_PER_CHUNK = 64
+"""Pairs whose foundations are computed together: a reduction always sees this number."""
 
 
 class FoundationEnsemble(nn.Module):

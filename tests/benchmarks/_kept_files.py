@@ -14,6 +14,8 @@ import msgspec
 import numpy as np
 import torch
 
+from macrofit.bodies.kept import keep, read_kept
+from macrofit.bodies.triangles import MeshData
 from macrofit.results.encoding import encode
 from macrofit.results.journal import Journal
 from macrofit.study.fields import fields_file, load_fields, save_fields
@@ -49,6 +51,7 @@ SAMPLES = 120
 """About a chunk of a database."""
 KEY = "the training of a benchmark"
 DIGEST = "0" * 64
+CORNERS = np.array([[0, 1, 2]])
 PACKING = (300, (1.0, 1.0), 0.4, 1)
 
 
@@ -142,6 +145,18 @@ def read_packing(path: Path) -> Content:
     return [plain(packing.centres), plain(packing.radii)]
 
 
+def make_mesh(folder: Path) -> Path:
+    edges = {"seat": np.array([[0, 1]]), "held": np.array([[1, 2]])}
+    path = folder / "meshes" / "a.npz"
+    keep(path, MeshData(points=np.array([[0.1, 0.0], [1.0 / 3.0, 0.0], [0.0, 0.7]]), triangles=CORNERS, edges=edges))
+    return path
+
+
+def read_mesh(path: Path) -> Content:
+    mesh = read_kept(path)
+    return None if mesh is None else [plain(mesh.points), plain(mesh.triangles), *map(plain, mesh.edges.values())]
+
+
 def rows() -> list[bytes]:
     """Samples of numbers without a short form."""
     made = np.zeros(SAMPLES, HEADER.row())
@@ -229,6 +244,7 @@ KINDS: dict[str, Kind] = {
     "fields of a study": Kind(make_fields, read_fields),
     "coefficient of `dem`": Kind(make_coefficient, read_coefficient),
     "packing": Kind(make_packing, read_packing),
+    "mesh of a drawing": Kind(make_mesh, read_mesh),
     "database": Kind(make_database, read_samples),
     "journal of a database": Kind(make_database_journal, lambda path: read_samples(path.with_suffix("")), grows=True),
     "table of samples": Kind(make_table, read_table_of),

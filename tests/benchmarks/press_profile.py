@@ -63,7 +63,7 @@ def stages(scene: Scene) -> list[Cost]:
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
         "pair": (press, "couple_lines"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
-        "respond": (Condensed, "respond", moments), "lu": (sla, "lu_factor", size),
+        "respond": (Condensed, "respond", moments), "lu": (sla.lapack, "dgetrf", size),
         "matrix": (CondensedProblem, "matrix"), "vector": (condensed, "_product", vector),
         "newton": (press, "newton"), "trial": (Press, "trial"),
         "back": (Body, "back_substitute"),

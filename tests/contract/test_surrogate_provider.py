@@ -35,7 +35,7 @@ from meso.presets import PRESETS
 from meso.provider import DirectDem, TileFriction
 from meso.settings import SurfaceKeys
 from meso.surfaces.face import rough_face
-from surrogate.data.faces import generated_face
+from surrogate.data.faces import generated_face, generated_faces
 from surrogate.data.faces import sampled_heights as sampled
 from surrogate.data.plates import Plates
 from surrogate.network.checkpoint import load_checkpoint, save_checkpoint
@@ -254,10 +254,10 @@ def test_a_tile_that_is_none_is_the_providers_error(model: str) -> None:
 
 
 def test_surfaces_that_cannot_be_made_are_the_providers_error(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(body: Any, seed: int, keys: Any, points: int) -> Any:
-        return generated_face(body, seed, msgspec.structs.replace(keys, hurst_exponent=2.0), points)
+    def refused(body: Any, seed: int, count: int, keys: Any, points: int) -> Any:
+        return generated_faces(body, seed, count, msgspec.structs.replace(keys, hurst_exponent=2.0), points)
 
-    monkeypatch.setattr("surrogate.tiles.generated_face", refused)
+    monkeypatch.setattr("surrogate.tiles.generated_faces", refused)
     with pytest.raises(ProviderError, match="friction provider 'surrogate': surface of the wheel: hurst_exponent"):
         answers(made(model, seed=13), (0, 0))
 

@@ -112,8 +112,9 @@ def test_condensed_matrix(kind: str) -> None:
         traction[0, active], traction[1, sticking] = x[: len(active)], x[len(active) :]
         slip = kinds == SLIP
         traction[1, slip] = -signs[slip] * friction[slip] * traction[0, slip]
-        response, _ = engine.respond(facing, facing.covered.weight * facing.total(traction, kappa))
-        rest = facing.residual(traction, response, kappa)
+        total = facing.total(traction, kappa)
+        response, _ = engine.respond(facing, facing.covered.weight * total, engine.blocks(facing))
+        rest = facing.residual(traction, total, response)
         return np.concatenate([rest[0, active], rest[1, sticking]])
 
     x, direction = rng.standard_normal((2, len(matrix)))

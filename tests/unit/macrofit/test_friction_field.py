@@ -19,6 +19,8 @@ from macrofit.friction import (
     Uniform,
     tile_overlaps,
 )
+from macrofit.scene import load_scene
+from macrofit.solve import solve
 
 
 class Recorder:
@@ -415,3 +417,9 @@ def test_an_error_of_another_rank_keeps_its_sentence() -> None:
     with pytest.raises(ProviderError) as caught:
         field.facet_friction(TWO, PRESSURE, SLIDING)
     assert str(caught.value) == said
+
+
+def test_one_coefficient_for_all_needs_no_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which tiles face each other is not looked for where the provider does not tell them apart."""
+    monkeypatch.setattr("macrofit.solution.Tiling.overlaps", lambda *_: pytest.fail("pairs were looked for"))
+    assert solve(load_scene("contact-patch")).increments[-1].normal_force > 0.0

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from benchmarks.startup import imports
 from benchmarks.verification import worst
 from found import Figures, Found
@@ -44,8 +45,9 @@ def test_help_loads_no_arrays() -> None:
     assert not loaded_by(run_help("macrofit")) & {"numpy", "msgspec", "rich"}
 
 
-def test_a_run_loads_what_its_scene_asks_for(tmp_path: Path) -> None:
+def test_a_run_loads_what_its_scene_asks_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither network nor plates for a uniform coefficient; gmsh first, which loads slower after dolfinx."""
+    monkeypatch.setenv("MACROFIT_CACHE", str(tmp_path / "cache"))
     loaded = json.loads(said(ORDER, str(tmp_path / "run")))
     assert {"gmsh", "dolfinx", "h5py"} <= set(loaded)
     assert loaded.index("gmsh") < loaded.index("dolfinx")
@@ -60,6 +62,20 @@ def test_a_run_loads_what_its_scene_asks_for(tmp_path: Path) -> None:
     }
     unasked |= {"pkg_resources"}  # nobody asks for a version
     assert not unasked & set(loaded)
+    again = json.loads(said(ORDER, str(tmp_path / "again")))
+    assert "gmsh" not in again  # its meshes are kept
+    assert "dolfinx" in again
+    first, second = ((tmp_path / name / "journal.bin").read_bytes() for name in ("run", "again"))
+    assert len(first) == len(second)
+    curves = [(tmp_path / name / "fitting_curve.csv").read_text().splitlines() for name in ("run", "again")]
+    without_time = [[line.rpartition(",")[0] for line in lines] for lines in curves]
+    assert without_time[0] == without_time[1]
+
+
+def test_nothing_is_looked_through_when_a_command_ends() -> None:
+    """Python would collect garbage among all objects three times: a sixth of a short run."""
+    code = "import atexit, gc\natexit.register(lambda: print(gc.get_freeze_count() > 1000))\n"
+    assert said(code + "from macrofit.cli import main\nmain(['scenes'], standalone_mode=False)") == "True"
 
 
 def test_loading_the_mesher_leaves_ctrl_c() -> None:

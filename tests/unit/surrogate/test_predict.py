@@ -176,7 +176,7 @@ def test_roughness_that_is_known_is_not_measured_again(tmp_path: Path, monkeypat
     assert isinstance(model, TrainedEnsemble)
     (wheels, axles), pairs = faces(), (WHEEL, AXLE)
     slopes, features = model.prepare(wheels, axles, *pairs)
-    known = tuple(np.array([*map(inference.upper_roughness, some)]) for some in (wheels, axles))
+    known = tuple(inference.upper_roughness(some) for some in (wheels, axles))
     monkeypatch.setattr(inference, "upper_roughness", lambda face: pytest.fail("it was measured"))
     again, unchanged = model.prepare(wheels, axles, *pairs, roughness=known)
     assert np.array_equal(again, slopes)

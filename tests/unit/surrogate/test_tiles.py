@@ -14,14 +14,14 @@ from untrained import untrained
 import surrogate.tiles
 from macrofit.base.arrays import IntArray
 from meso.settings import FaceKeys
-from surrogate.data.faces import generated_face
+from meso.surfaces.face import rough_face
+from surrogate.data.faces import generated_face, generated_faces, sampled_heights
 from surrogate.data.samples import Plates
 from surrogate.errors import CheckpointError, PredictionError
 from surrogate.network import inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
-from surrogate.network.inference import PAIRS_PER_CHUNK
 from surrogate.network.predict import Prediction, Predictor
-from surrogate.tiles import TILES_AHEAD, Tiles, load_predictor, shared_tiles
+from surrogate.tiles import FACES_TOGETHER, Tiles, load_predictor, shared_tiles
 
 POINTS, SEED = 9, 3
 COUNTS = 14, 11
@@ -135,54 +135,55 @@ def test_the_papers_network_looks_at_each_face_once(paper: Predictor, monkeypatc
 
 
 def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever is asked again, and for another micro coefficient; the rest of a chunk is for pairs to come."""
+    """Whatever is asked again, and for another micro coefficient; no pair that is not asked for."""
     drawn: list[tuple[str, int]] = []
+    slid: list[int] = []
+    slide = inference.slide_foundations
 
-    def counted(body: Any, seed: int, *keys: Any) -> Any:
-        drawn.append((body, seed))
-        return generated_face(body, seed, *keys)
+    def counted(body: Any, seed: int, count: int, *keys: Any) -> Any:
+        drawn.extend((body, seed + k) for k in range(count))
+        return generated_faces(body, seed, count, *keys)
 
-    monkeypatch.setattr("surrogate.tiles.generated_face", counted)
-    asked = tiles(energy)
-    for micro in (0.03, 0.08):
-        for rows in BATCHES["pressed"]:
-            asked.predict(SEAT[rows], BORE[rows], micro)
-        assert (asked.prepared, asked.faces) == (len(ROWS), sum(COUNTS))
-    assert len(drawn) == len(set(drawn)) == sum(COUNTS)
-
-
-def test_only_what_is_left_of_a_chunk_goes_to_pairs_ahead(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
-    slide, slid = inference.slide_foundations, []
-
-    def counted(options: Any, wheel: Any, *given: Any) -> Any:
+    def sliding(options: Any, wheel: Any, *given: Any) -> Any:
         slid.append(len(wheel))
         return slide(options, wheel, *given)
 
-    monkeypatch.setattr(inference, "slide_foundations", counted)
-
-    def ask(asked: Tiles, rows: IntArray) -> int:
-        asked.predict(SEAT[rows], BORE[rows], 0.05)
-        return asked.prepared
-
-    assert ask(tiles(energy), ROWS[:PAIRS_PER_CHUNK]) == PAIRS_PER_CHUNK  # nothing is left
-    assert slid == [PAIRS_PER_CHUNK]
-    asked = tiles(energy)
-    ahead = [diagonal(place) for place in range(4, 5 + TILES_AHEAD)]
-    for rows in ahead:
-        assert ask(asked, rows) == sum(map(len, ahead)) < PAIRS_PER_CHUNK
-    assert slid == [PAIRS_PER_CHUNK, sum(map(len, ahead))]
-    asked = tiles(energy)
-    assert ask(asked, ROWS[-1:]) == 1  # nothing is ahead
-    assert asked.faces == 2
+    monkeypatch.setattr("surrogate.tiles.generated_faces", counted)
+    monkeypatch.setattr(inference, "slide_foundations", sliding)
+    asked, pairs = tiles(energy), 0
+    for rows in BATCHES["pressed"]:
+        pairs += len(rows)
+        for micro in (0.03, 0.08):
+            asked.predict(SEAT[rows], BORE[rows], micro)
+            assert asked.prepared == sum(slid) == pairs
+    assert asked.faces == len(drawn) == len(set(drawn)) == sum(COUNTS)
 
 
-def test_nearest_pairs_ahead_come_first(energy: Predictor) -> None:
-    """There is room for those that touch at the next place of the wheel, and for some of the one after it."""
-    asked = tiles(energy)
-    first = np.concatenate([diagonal(place) for place in range(9)])
-    for rows in (first, diagonal(9)):
-        asked.predict(SEAT[rows], BORE[rows], 0.05)
-        assert asked.prepared == PAIRS_PER_CHUNK
+def test_faces_are_made_in_blocks(energy: Predictor) -> None:
+    """Of a strip, where they share most of their work; others are made one by one."""
+    counts = 3 * FACES_TOGETHER, FACES_TOGETHER + 5
+    asked = Tiles(energy, SEED, SURFACE, counts)
+    asked.predict(np.array([FACES_TOGETHER + 3]), np.array([FACES_TOGETHER + 2]), 0.05)
+    assert asked.faces == FACES_TOGETHER + 5
+    alone = Tiles(energy, SEED, FaceKeys(**KEYS, form="tiles"), counts)
+    alone.predict(np.array([FACES_TOGETHER + 3]), np.array([FACES_TOGETHER + 2]), 0.05)
+    assert alone.faces == 2
+
+
+@pytest.mark.parametrize("points", [9, 17, 26])
+@pytest.mark.parametrize(
+    "kind",
+    [{}, {"levels": 5, "lay": "turned"}, {"levels": 4, "lay": "ground"}, {"generator": "self_affine"},
+     {"form": "tiles"}, {"form": "levelled"}],
+)  # fmt: skip
+def test_faces_made_together_have_the_bits_of_those_made_alone(kind: dict[str, Any], points: int) -> None:
+    keys = FaceKeys(**kind)
+    for body, size in (("wheel", (1.0, 1.0)), ("axle", (2.0, 1.0))):
+        faces = generated_faces(body, 65536 * SEED + 7, 6, keys, points)  # type: ignore[arg-type]
+        for k, face in enumerate(faces):
+            alone = rough_face(keys, body, 65536 * SEED + 7 + k, size)  # type: ignore[arg-type]
+            assert np.array_equal(face, sampled_heights(alone, points))
+            assert np.array_equal(inference.upper_roughness(faces)[k], inference.upper_roughness(face[None])[0])
 
 
 @pytest.mark.parametrize(
