@@ -19,14 +19,14 @@ from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
 from .contact.release import release
-from .contact.seat import Seat
+from .contact.seat import CoveredSeat, Seat
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
-from .state import State, Step, accepted, nothing_touches, slip_work
+from .state import Posed, State, Step, accepted, nothing_touches, slip_work
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -229,8 +229,26 @@ class Press:
         facet_friction: FloatArray,
         given: float = 0.0,  # mm, how far the wheel's support moves beside the displacement
     ) -> Step:
+        posed = self.pose(state, displacement, coupling, self.seat.cover(coupling.portions), facet_friction, given)
+        problem = self.engine.problem(posed.contact)
+        if self.yielding is None:
+            report = newton(problem, posed.friction, posed.status, posed.kappa)
+            return self.step(state, posed, report, problem.displacements(report.answer))
+        report, contact, settled = self._settle(state, posed, problem)
+        moved_to = self._with_eigen(problem.displacements(report.answer), settled)
+        return self.step(state, replace(posed, contact=contact), report, moved_to, settled)
+
+    def pose(
+        self,
+        state: State,
+        displacement: float,
+        coupling: MortarCoupling,
+        covered: CoveredSeat,
+        facet_friction: FloatArray,
+        given: float = 0.0,
+    ) -> Posed:
+        """What Newton's method is to solve for a displacement, and where it starts."""
         moved = displacement - state.displacement + given
-        covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
         slip_old += state.held[coupling.portions.facet].ravel()
         if coupling.thermal_strain != state.thermal_strain:
@@ -243,26 +261,16 @@ class Press:
             nitsche=self.seat.nitsche,
         )
         friction = facet_friction[covered.facet]
-        guess = self._first_guess(state, contact, friction, moved)
-        kappa = self._first_kappa(state, contact)
-        problem = self.engine.problem(contact)
-        if self.yielding is None:
-            report, settled = newton(problem, friction, guess, kappa), None
-            moved_to = problem.displacements(report.answer)
-        else:
-            report, contact, settled = self._settle(state, moved, problem, friction, guess, kappa)
-            moved_to = self._with_eigen(problem.displacements(report.answer), settled)
-        return self._step(state, displacement, moved, contact, friction, report, moved_to, settled)
+        return Posed(
+            displacement=displacement,
+            moved=moved,
+            contact=contact,
+            friction=friction,
+            status=self._first_guess(state, contact, friction, moved),
+            kappa=self._first_kappa(state, contact),
+        )
 
-    def _settle(
-        self,
-        state: State,
-        moved: float,
-        problem: LinearProblem,
-        friction: FloatArray,
-        status: Status,
-        kappa: FloatArray,
-    ) -> tuple[Report, ContactProblem, Settled]:
+    def _settle(self, state: State, posed: Posed, problem: LinearProblem) -> tuple[Report, ContactProblem, Settled]:
         """Contact and plastic strains that fit each other."""
         assert self.yielding is not None
         assert state.flow is not None
@@ -272,11 +280,11 @@ class Press:
         def contact(eigen: dict[str, Eigen]) -> Loads:
             """Solve for what the plastic strains do, from the status before."""
             problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
-            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (status, kappa)
-            reports.append(newton(problem, friction, *start))
+            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (posed.status, posed.kappa)
+            reports.append(newton(problem, posed.friction, *start))
             return problem.contact.loads(reports[-1].answer.total)
 
-        settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
+        settled = self.yielding.settle(state.flow, posed.moved, (state.seat_load, state.bore_load), contact)
         report, spent = reports[-1], sum(each.iterations for each in reports)
         converged = report.converged and settled.converged
         return replace(report, iterations=spent, converged=converged), problem.contact, settled
@@ -358,18 +366,16 @@ class Press:
         known = self.friction.state()._asdict()
         return PairFrictionMap(tiling=self.tiling, **known, lasting=self.friction.lasting)
 
-    def _step(
+    def step(
         self,
         state: State,
-        displacement: float,
-        moved: float,
-        contact: ContactProblem,
-        friction: FloatArray,
+        posed: Posed,
         report: Report,
         displacements: tuple[FloatArray, FloatArray],
-        settled: Settled | None,
+        settled: Settled | None = None,
     ) -> Step:
-        """What a trial leaves: the next state, resultants and energies."""
+        """What the answer to a posed problem leaves: the next state, resultants and energies."""
+        contact, friction, moved = posed.contact, posed.friction, posed.moved
         answer, weight = report.answer, contact.covered.weight
         seat_load, bore_load = contact.loads(answer.total)
         gap, along = contact.opening(*displacements)
@@ -379,7 +385,7 @@ class Press:
         facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
         friction_force = float(weight @ (answer.traction[1] * contact.covered.normals[:, 0]))
         after = State(
-            displacement=displacement,
+            displacement=posed.displacement,
             direction=float(np.sign(moved)) or state.direction,
             friction_force=friction_force,
             seat_displacement=displacements[0],

@@ -13,7 +13,7 @@ from .contact.status import OPEN, STICK
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
-    from .contact.law import ContactProblem
+    from .contact.law import ContactProblem, Status
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
 
@@ -69,6 +69,18 @@ class State:
     @staticmethod
     def _named() -> list[str]:
         return [name for name in State.__dataclass_fields__ if name not in ("flow", "changes")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posed:
+    """What Newton's method is to solve for one displacement, and where it starts; n moments."""
+
+    displacement: float  # mm
+    moved: float  # way from the state before [mm]
+    contact: ContactProblem
+    friction: FloatArray  # (n,)
+    status: Status
+    kappa: FloatArray  # (n,)
 
 
 @dataclass(frozen=True, kw_only=True)

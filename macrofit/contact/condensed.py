@@ -68,16 +68,19 @@ class Condensed:
         return both
 
     def respond(self, contact: ContactProblem, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
+        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N].
+
+        Forces (2, runs, n) give the responses (2, runs, n) and the displacements (2, runs, bore nodes).
+        """
         index = contact.covered.index
-        spread, response = np.zeros((2, 2, self._influence.shape[2]))
-        spread[:, index] = forces
+        spread, response = np.zeros((2, *forces.shape[:-1], self._influence.shape[2]))
+        spread[..., index] = forces
         whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
         covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
         for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1)):
-            response[i, columns] += spread[j, rows] @ self._influence[j, i, rows, columns]
+            response[i, ..., columns] += spread[j, ..., rows] @ self._influence[j, i, rows, columns]
         bore = -_product_within(self.wheel.compliance, contact.coupling.bore.span, contact.coupling.bore_loads(forces))
-        return response[:, index] - contact.coupling.bore_moments(bore), bore
+        return response[..., index] - contact.coupling.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -214,12 +217,16 @@ def _product(matrix: FloatArray, load: FloatArray) -> FloatArray:
 
 
 def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:
-    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone."""
-    blocks, given = matrix.reshape(2, len(vector) // 2, 2, -1), vector.reshape(2, -1)
+    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone.
+
+    Vectors (2, runs, n) give products (2, runs, n).
+    """
+    nodes = len(matrix) // 2
+    blocks, given = matrix.reshape(2, nodes, 2, nodes), vector.reshape(2, *vector.shape[1:-1], nodes)
     out = np.zeros_like(given)
     for i, j in product((0, 1), (0, 1)):
-        out[i, span] += blocks[i, span, j, span] @ given[j, span]
-    return out.ravel()
+        out[i, ..., span] += given[j, ..., span] @ blocks[i, span, j, span].T
+    return out.reshape(vector.shape)
 
 
 def _span(index: IntArray) -> IntArray | slice:

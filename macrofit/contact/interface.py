@@ -46,23 +46,27 @@ class MortarCoupling:
     clearance: float  # smallest undeformed gap on the facets that were left out [mm]; infinite where none were
 
     def bore_moments(self, displacement: FloatArray) -> FloatArray:
-        """N u (2, p n) of a displacement (2 bore nodes,) of the bore."""
-        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.bore.matrix.T
+        """N u (2, p n) of a displacement (2 bore nodes,) of the bore; (2, runs, p n) of (2, runs, bore nodes)."""
+        r, z = self._on_span(displacement) @ self.bore.matrix.T
         n_r, n_z = self.normals.T
         return np.stack([n_r * r + n_z * z, n_r * z - n_z * r])
 
     def bore_loads(self, forces: FloatArray) -> FloatArray:
-        """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]."""
+        """N' f (2 bore nodes,) of forces (2, p n) on the moments [N]; (2, runs, bore nodes) of (2, runs, p n)."""
         n_r, n_z = self.normals.T
         components = np.stack([n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]])
-        loads = np.zeros((2, self.nodes))
-        loads[:, self.bore.span] = components @ self.bore.matrix
-        return loads.ravel()
+        loads = np.zeros((*forces.shape[:-1], self.nodes))
+        loads[..., self.bore.span] = components @ self.bore.matrix
+        return loads if forces.ndim > 2 else loads.ravel()
 
     def bore_slope(self, displacement: FloatArray) -> FloatArray:
-        """n . du/ds (p n,), moments along the bore."""
-        r, z = displacement.reshape(2, -1)[:, self.bore.span] @ self.slope.T
+        """n . du/ds (p n,), moments along the bore; (runs, p n) of (2, runs, bore nodes)."""
+        r, z = self._on_span(displacement) @ self.slope.T
         return np.asarray(self.normals[:, 0] * r + self.normals[:, 1] * z)
+
+    def _on_span(self, displacement: FloatArray) -> FloatArray:
+        """The part of a displacement, or of those of several runs, that the band has columns for."""
+        return displacement.reshape(2, *displacement.shape[1:-1], self.nodes)[..., self.bore.span]
 
     @property
     def bore_rows(self) -> sp.csr_matrix:
