@@ -178,23 +178,27 @@ class Press:
         if coupling is None:
             return self._apart(state, displacement, strain)
         step = self._resolve(state, displacement, coupling)
-        height = 0 if self.seat.line.radial else 1
-        bodies = (step.state.seat_displacement, step.state.bore_displacement)
-        if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance:
+        if self.near(step, coupling):
             return step
         everything = couple_lines(self.seat.line, bore, displacement)
         assert everything is not None
         return self._resolve(state, displacement, everything)
 
+    def near(self, step: Step, coupling: MortarCoupling) -> bool:
+        """Whether the bodies move less than the ends that were left out stand open."""
+        height = 0 if self.seat.line.radial else 1
+        bodies = (step.state.seat_displacement, step.state.bore_displacement)
+        return sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance
+
     def _resolve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
         """The motion to a displacement; where none led there, a fit in place if the bodies overlap."""
         moved = displacement - state.displacement
         if coupling.thermal_strain != state.thermal_strain:
-            friction = self._facet_friction(coupling, state, displacement)
+            friction = self.facet_friction(coupling, state, displacement)
             return cooled(lambda given: self._solve(state, displacement, coupling, friction, given))
         if moved == 0.0 and self.seat.line.radial and float(coupling.gap.min()) < 0.0:
             return self._fit_in_place(state, coupling)
-        return self._solve(state, displacement, coupling, self._facet_friction(coupling, state, displacement))
+        return self._solve(state, displacement, coupling, self.facet_friction(coupling, state, displacement))
 
     def _fit_in_place(self, state: State, coupling: MortarCoupling) -> Step:
         """Resolve the interference as a shrink fit does: without friction; then friction, and no force from outside.
@@ -205,7 +209,7 @@ class Press:
         here = state.displacement
         shrunk = self._solve(state, here, coupling, np.zeros(self.seat.line.facets))
         fitted = replace(shrunk.state, accumulated_slip=state.accumulated_slip)
-        friction = self._facet_friction(coupling, fitted, here)
+        friction = self.facet_friction(coupling, fitted, here)
         if not (shrunk.report.converged and shrunk.normal_force > 0.0 and friction.any()):
             return shrunk
         steps = [shrunk]
@@ -336,7 +340,7 @@ class Press:
         kappa[rear] = state.kappa[facets].ravel()[rear]
         return kappa
 
-    def _facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
+    def facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
         s = self.seat.line.coordinate
         start, end = s[:-1].copy(), s[:-1].copy()

@@ -145,10 +145,10 @@ class CondensedProblem:
             self.contact.total(self._traction, kappa) - self.contact.total(self._traction, self._kappa)
         )
         for i in (0, 1) if stick else (0,):
-            rows = self._influence(i)
+            rows = self.influence(i)
             self._response[i] += forces[0] @ rows[0] + forces[1] @ rows[1]
 
-    def _influence(self, component: int) -> list[FloatArray]:
+    def influence(self, component: int) -> list[FloatArray]:
         """The influence on one component of the approaches, computed when first needed in this increment."""
         if component not in self._rows:
             self._rows[component] = self.engine.influence(self.contact, component)
@@ -179,7 +179,7 @@ class CondensedProblem:
         columns, held = _span(active), _span(sticking)
         for i, count, rows, part in ((0, a, columns, slice(0, a)), (1, k, held, slice(a, a + k))):
             if count:
-                across, along = self._influence(i)
+                across, along = self.influence(i)
                 np.multiply(normal, across[columns][:, rows], out=transposed[:a, part])
                 transposed[:a, part] += drag * along[columns][:, rows]
                 if k:

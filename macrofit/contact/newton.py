@@ -31,14 +31,18 @@ the first facet that slip reaches by 1e-3.
 """
 
 
-class LinearProblem(Protocol):
-    """The problem that is linear once status and kappa are given: condensed or monolithic."""
-
-    contact: ContactProblem
+class Linear(Protocol):
+    """What is linear once status and kappa are given: the problem of one run, or of several in lockstep."""
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Traction, trial traction and kappa after one linear solve."""
         ...
+
+
+class LinearProblem(Linear, Protocol):
+    """The problem of one run: condensed or monolithic."""
+
+    contact: ContactProblem
 
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last answer."""
@@ -56,7 +60,7 @@ class Report:
     converged: bool
 
 
-def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
+def newton(problem: Linear, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the

@@ -1,0 +1,103 @@
+"""Presses that go from increment to increment together: what they share of each is solved for all of them at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..contact.cooling import warmed
+from ..contact.condensed import Condensed
+from ..contact.interface import MortarCoupling, couple_lines
+from ..contact.law import Status
+from ..contact.lockstep import Lockstep
+from ..contact.newton import newton
+from ..errors import MacrofitError
+from ..press import REACH, Press
+from ..state import Posed, State, Step
+
+
+class Group:
+    """Members at the same increment are solved together, when the first of them asks for it."""
+
+    def __init__(self) -> None:
+        self.members: list[Member] = []
+
+    def press(self, *parts: Any) -> Member:
+        """A press of this group, see `Press`."""
+        member = Member(*parts)
+        member.group = self
+        self.members.append(member)
+        return member
+
+    def solve(self, asking: Member, displacement: float) -> None:
+        """Offer each member at the same increment its step, or the error that ends its run; nothing where it fails."""
+        present = [member for member in self.members if member.done == asking.done]
+        bore = warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
+        coupling = couple_lines(asking.seat.line, bore, displacement, REACH)
+        if len(present) < 2 or coupling is None or any(_alone(member.here, displacement, coupling) for member in present):
+            return
+        covered = asking.seat.cover(coupling.portions)
+        posed: list[tuple[Member, Posed]] = []
+        for member in present:
+            try:
+                friction = member.facet_friction(coupling, member.here, displacement)
+            except MacrofitError as error:
+                member.offered = error
+            else:
+                posed.append((member, member.pose(member.here, displacement, coupling, covered, friction)))
+        if posed:
+            _solve(posed, coupling)
+
+
+class Member(Press):
+    """A press that takes the step its group offers for its next increment; every other one it solves by itself."""
+
+    group: Group
+    here: State  # after the increments that are done
+    done: int  # increments
+    offered: Step | MacrofitError | None = None
+
+    def resumed(self, states: list[State]) -> State:
+        """The state to go on from; the group learns where this member is."""
+        self.here, self.done = super().resumed(states), len(states)
+        return self.here
+
+    def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
+        """The step that was offered; another one than that of the whole increment is solved alone."""
+        displacements = self.scene.displacements
+        if state is self.here and self.done < len(displacements) and displacement == displacements[self.done]:
+            if self.offered is None:
+                self.group.solve(self, displacement)
+            offered, self.offered = self.offered, None
+            if isinstance(offered, MacrofitError):
+                raise offered
+            if offered is not None:
+                return offered
+        return super().trial(state, displacement, thermal_strain)
+
+    def _committed(self, before: State, after: State) -> State:
+        self.here, self.done = super()._committed(before, after), self.done + 1
+        return self.here
+
+
+def _alone(here: State, displacement: float, coupling: MortarCoupling) -> bool:
+    """Whether a press takes this increment in a way of its own: a fit in place, a wheel that cools."""
+    return here.thermal_strain != coupling.thermal_strain or here.displacement == displacement
+
+
+def _solve(posed: list[tuple[Member, Posed]], coupling: MortarCoupling) -> None:
+    """Offer the steps that converge, where the bodies do not move as far as what was left out."""
+    engine = posed[0][0].engine
+    assert isinstance(engine, Condensed)
+    problem = Lockstep(engine, [each.contact for _, each in posed])
+    friction, kappa = (np.concatenate([getattr(each, name) for _, each in posed]) for name in ("friction", "kappa"))
+    kind, sign = (np.concatenate([getattr(each.status, name) for _, each in posed]) for name in ("kind", "sign"))
+    report = newton(problem, friction, Status(kind, sign), kappa)
+    if not report.converged:
+        return
+    reports = problem.reports(report)
+    for (member, each), own, moved_to in zip(posed, reports, problem.displacements(reports), strict=True):
+        step = member.step(member.here, each, own, moved_to)
+        if member.near(step, coupling):
+            member.offered = step
