@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
@@ -26,13 +27,12 @@ from .law import ContactProblem, LinearSolution, Status, StatusArray
 from .newton import Report
 from .status import OPEN, SLIP, STICK
 
-
 EXACT = 1e-8
 """Correction of a traction, relative to the largest, from which on it is left to the next iteration."""
 MOST = 8
 """Corrections in one solve."""
 
-Values = TypeVar("Values", FloatArray, StatusArray)
+Number = TypeVar("Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class Lockstep:
     def reports(self, report: Report) -> list[Report]:
         """The report of each run, of that of all."""
         found, status = report.answer, report.status
-        traction, trial, total = (self._by_run(each) for each in (found.traction, found.trial, found.total))
-        kappa, kind, sign = (self._by_run(each) for each in (found.kappa, status.kind, status.sign))
+        traction, trial, total, kappa = map(self._by_run, (found.traction, found.trial, found.total, found.kappa))
+        kind, sign = map(self._by_run, (status.kind, status.sign))
         return [
             replace(
                 report,
@@ -114,7 +114,7 @@ class Lockstep:
         seat, bore = (_products(matrix, np.stack(each)) for matrix, each in zip(matrices, loads, strict=True))
         return list(zip(seat, bore, strict=True))
 
-    def _by_run(self, values: Values) -> Values:
+    def _by_run(self, values: npt.NDArray[Number]) -> npt.NDArray[Number]:
         """(..., runs, n) of values (..., runs n)."""
         return values.reshape(*values.shape[:-1], self.runs, -1)
 
@@ -131,7 +131,7 @@ class Lockstep:
 
     def _by_set(self, status: Status, kappa: FloatArray, friction: FloatArray) -> list[tuple[IntArray, Factors]]:
         """The runs of each set of open, sticking and slipping moments, and the factors they share."""
-        kinds, drag, kappas = (self._by_run(each) for each in (status.kind, status.sign * friction, kappa))
+        kinds, drag, kappas = self._by_run(status.kind), self._by_run(status.sign * friction), self._by_run(kappa)
         keys = [kind.tobytes() for kind in kinds]
         found = []
         for key in dict.fromkeys(keys):

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..contact.cooling import warmed
 from ..contact.condensed import Condensed
+from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.law import Status
 from ..contact.lockstep import Lockstep
@@ -35,7 +35,11 @@ class Group:
         present = [member for member in self.members if member.done == asking.done]
         bore = warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
         coupling = couple_lines(asking.seat.line, bore, displacement, REACH)
-        if len(present) < 2 or coupling is None or any(_alone(member.here, displacement, coupling) for member in present):
+        if (
+            len(present) < 2
+            or coupling is None
+            or any(_alone(member.here, displacement, coupling) for member in present)
+        ):
             return
         covered = asking.seat.cover(coupling.portions)
         posed: list[tuple[Member, Posed]] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -77,9 +77,7 @@ class Turns:
         self.member: Member | None = None
         self.outcome: Solution | MacrofitError | None = None
         self.tally = Tally()
-        self._steps = steps(
-            run.scene, comm, run.monitor, run.journal, assembly, run.friction, pressed=self._pressed
-        )
+        self._steps = steps(run.scene, comm, run.monitor, run.journal, assembly, run.friction, pressed=self._pressed)
 
     @property
     def done(self) -> int:
