@@ -7,11 +7,11 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .base.arrays import FloatArray
+from .base.arrays import FloatArray, IntArray
 from .bodies.body import ContactLine
 from .contact.cooling import cooled, heat_work, thermal_slip, warmed
 from .contact.eigen import Eigen, shifted
@@ -19,7 +19,7 @@ from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
 from .contact.release import release
-from .contact.seat import CoveredSeat, Seat
+from .contact.seat import CoveredSeat, Seat, applied
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
 from .friction import FrictionField
@@ -251,20 +251,23 @@ class Press:
         facet_friction: FloatArray,
         given: float = 0.0,
     ) -> Posed:
-        """What Newton's method is to solve for a displacement, and where it starts."""
+        """What Newton's method is to solve for a displacement, and where it starts.
+
+        States of several runs that are at one place (see `lockstep.stack`) are posed as one problem.
+        """
         moved = displacement - state.displacement + given
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
-        slip_old += state.held[coupling.portions.facet].ravel()
+        slip_old += _moments(state.held, coupling)
         if coupling.thermal_strain != state.thermal_strain:
             slip_old += thermal_slip(self.bore, coupling, coupling.thermal_strain - state.thermal_strain)
         contact = ContactProblem(
             covered=covered,
             coupling=coupling,
-            undeformed=np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old]),
+            undeformed=np.stack(np.broadcast_arrays(coupling.gap, moved * covered.normals[:, 0] + slip_old)),
             radial=self.seat.line.radial,
             nitsche=self.seat.nitsche,
         )
-        friction = facet_friction[covered.facet]
+        friction = facet_friction[..., covered.facet]
         return Posed(
             displacement=displacement,
             moved=moved,
@@ -309,20 +312,18 @@ class Press:
 
         A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
         """
-        facets = contact.coupling.portions.facet
-        kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
+        kind, sign = _moments(state.kind, contact.coupling), _moments(state.sign, contact.coupling)
         line, points = self.seat.line, contact.coupling.portions.points
         shift = moved if line.radial else 0.0
         there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
         inside = (there >= 0) & (there < line.facets)
-        came = state.kind[np.clip(there, 0, line.facets - 1)].max(axis=2)
-        fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
-        if not state.pressure.any():
-            fresh |= contact.coupling.gap < 0.0
+        came = state.kind[..., np.clip(there, 0, line.facets - 1), :].max(axis=-1)
+        fresh = (kind == OPEN) & (inside & (came != OPEN)).reshape(kind.shape)
+        fresh |= ~state.pressure.any(axis=-1, keepdims=True) & (contact.coupling.gap < 0.0)
         kind = np.where(fresh, SLIP, kind)
         sign = np.where(fresh, int(np.sign(moved * contact.covered.normals[0, 0])), sign)
-        if moved * state.direction < 0.0:
-            kind = np.where(kind == SLIP, STICK, kind)
+        turns = np.asarray(moved * state.direction < 0.0)[..., None]
+        kind = np.where(turns & (kind == SLIP), STICK, kind)
         kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
         kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
         sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
@@ -334,11 +335,9 @@ class Press:
         The deformed interface follows the seat's edge behind and the bore's edge in front.
         """
         kappa = contact.kappa(state.bore_displacement)
-        facets = contact.coupling.portions.facet
-        rear = (state.kind[facets] != OPEN).ravel()
-        rear[contact.moments // 2 :] = False
-        kappa[rear] = state.kappa[facets].ravel()[rear]
-        return kappa
+        rear = _moments(state.kind, contact.coupling) != OPEN
+        rear[..., contact.moments // 2 :] = False
+        return np.where(rear, _moments(state.kappa, contact.coupling), kappa)
 
     def facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
@@ -378,7 +377,7 @@ class Press:
         displacements: tuple[FloatArray, FloatArray],
         settled: Settled | None = None,
     ) -> Step:
-        """What the answer to a posed problem leaves: the next state, resultants and energies."""
+        """What the answer to a posed problem leaves: the next state, resultants and energies; of several runs, all."""
         contact, friction, moved = posed.contact, posed.friction, posed.moved
         answer, weight = report.answer, contact.covered.weight
         seat_load, bore_load = contact.loads(answer.total)
@@ -387,7 +386,7 @@ class Press:
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
         status = settled_status(report, contact, friction, slip, moved)
         facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
-        friction_force = float(weight @ (answer.traction[1] * contact.covered.normals[:, 0]))
+        friction_force = _number((answer.traction[1] * contact.covered.normals[:, 0]) @ weight)
         after = State(
             displacement=posed.displacement,
             direction=float(np.sign(moved)) or state.direction,
@@ -413,29 +412,29 @@ class Press:
             state=after,
             report=report,
             facets=facets,
-            force=contact.axial_force(answer.total),
-            normal_force=float(weight @ pressure),
+            force=_number(contact.axial_force(answer.total)),
+            normal_force=_number(pressure @ weight),
             friction_force=friction_force,
-            friction_bound=float(weight @ (friction * pressure)),
-            torque=float(weight @ (friction * pressure * radius)),
+            friction_bound=_number((friction * pressure) @ weight),
+            torque=_number((friction * pressure * radius) @ weight),
             strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
-            dissipation=float(weight @ (answer.traction[1] * slip)),
-            slip_work=slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip),
+            dissipation=_number((answer.traction[1] * slip) @ weight),
+            slip_work=_number(slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip)),
             heat=heat_work(self.bore, (state.bore_load, bore_load), after.thermal_strain - state.thermal_strain),
             settled=settled,
         )
 
-    def _strain_energy(self, state: State) -> float:
+    def _strain_energy(self, state: State) -> Any:
         """1/2 u' K u of both bodies [N mm]."""
-        energy = 0.5 * float(state.seat_load @ state.seat_displacement + state.bore_load @ state.bore_displacement)
-        stabilisation = self.seat.stabilisation
+        stabilisation, seat = self.seat.stabilisation, state.seat_displacement
+        energy = 0.5 * (_product(state.seat_load, seat) + _product(state.bore_load, state.bore_displacement))
         if stabilisation is not None:
-            energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
+            energy -= 0.5 * _product(seat, applied(stabilisation, seat))
         return energy
 
     def _by_moment(self, contact: ContactProblem, values: FloatArray | StatusArray) -> FloatArray:
-        every = np.zeros((self.seat.line.facets, self.seat.moments))
-        every[contact.coupling.portions.facet] = values.reshape(-1, self.seat.moments)
+        every = np.zeros((*values.shape[:-1], self.seat.line.facets, self.seat.moments))
+        every[..., contact.coupling.portions.facet, :] = _by_facet(values, self.seat.moments)
         return every
 
     def _facet_state(
@@ -452,14 +451,14 @@ class Press:
         weight = contact.covered.weight.reshape(-1, m)
 
         def mean(values: FloatArray) -> FloatArray:
-            every = np.zeros(self.seat.line.facets)
-            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / weight.sum(axis=1)
+            every = np.zeros((*values.shape[:-1], self.seat.line.facets))
+            every[..., facets] = (weight * _by_facet(values, m)).sum(axis=-1) / weight.sum(axis=1)
             return every
 
         slipped = mean(np.where(status == SLIP, slip, 0.0))
-        kind = np.zeros(self.seat.line.facets, dtype=np.int64)
-        kinds = status.reshape(-1, m)
-        kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
+        kind = np.zeros(slipped.shape, dtype=np.int64)
+        kinds = _by_facet(status, m)
+        kind[..., facets] = np.where((kinds == SLIP).any(axis=-1), SLIP, kinds.max(axis=-1))
         return FacetState(
             pressure=mean(-answer.traction[0]),
             traction=mean(answer.traction[1]),
@@ -505,3 +504,26 @@ class Press:
             slip_work=-0.5 * moved * float(self.seat.line.normals[:, 0] @ state.shear.sum(axis=1)),
             settled=settled,
         )
+
+
+def _moments(values: FloatArray | IntArray, coupling: MortarCoupling) -> Any:
+    """What the moments that face the bore have (..., n) of values (..., facets, moments)."""
+    chosen = values[..., coupling.portions.facet, :]
+    return chosen.reshape(*chosen.shape[:-2], -1)
+
+
+def _by_facet(values: Any, moments: int) -> Any:
+    """(..., portions, moments) of values (..., n)."""
+    return values.reshape(*values.shape[:-1], -1, moments)
+
+
+def _product(load: FloatArray, displacement: FloatArray) -> Any:
+    """The product of two vectors of a body's nodes; of several runs, of each."""
+    if load.ndim == 1:
+        return float(load @ displacement)
+    return np.einsum("irn,irn->r", load, displacement)
+
+
+def _number(value: Any) -> Any:
+    """A resultant as a number; those of several runs as they are."""
+    return value if np.ndim(value) else float(value)

@@ -145,7 +145,7 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
     )
 
 
-def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:
+def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> FloatArray:
     """What a step's slip adds to its work: 1/2 sum of (tangential force after - before) . slip [N mm].
 
     Args:
@@ -155,11 +155,11 @@ def slip_work(before: State, after: State, moved: FloatArray, contact: ContactPr
         contact: which facets face each other.
         slip: of their moments [mm].
     """
-    facets, moments = contact.coupling.portions.facet, after.kind.shape[1]
-    passed = np.repeat(moved[:, None], moments, axis=1)
-    touching = after.kind[facets] != OPEN
-    passed[facets] = np.where(touching, slip.reshape(-1, moments), passed[facets])
-    return 0.5 * float(((after.shear - before.shear) * passed).sum())
+    facets = contact.coupling.portions.facet
+    passed = np.broadcast_to(moved[:, None], after.kind.shape).copy()
+    touching = after.kind[..., facets, :] != OPEN
+    passed[..., facets, :] = np.where(touching, slip.reshape(touching.shape), passed[..., facets, :])
+    return np.asarray(0.5 * ((after.shear - before.shear) * passed).sum(axis=(-2, -1)))
 
 
 def _work(before: State, steps: list[Step]) -> float:

@@ -13,26 +13,23 @@ products of matrices with matrices.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
 from .condensed import Condensed
 from .law import ContactProblem, LinearSolution, Status, StatusArray
-from .newton import Report
-from .status import OPEN, SLIP, STICK
+from .status import OPEN, STICK
 
 EXACT = 1e-8
 """Correction of a traction, relative to the largest, from which on it is left to the next iteration."""
 MOST = 8
 """Corrections in one solve."""
 
-Number = TypeVar("Number", bound=np.generic)
+FIRST_CONTRACTION = 1e-2
+"""Factor that the first correction is taken to leave of an error."""
 
 
 @dataclass(frozen=True)
@@ -52,104 +49,74 @@ class Factors:
 
 
 class Lockstep:
-    """The linear problems of several runs at one displacement: n moments of the first, then those of the second, ...
+    """The linear problem of several runs, at one displacement.
 
     Args:
         engine: whose compliances all runs share.
-        contacts: of each run, on one and the same coupling.
+        contact: the problem of all runs.
     """
 
-    def __init__(self, engine: Condensed, contacts: Sequence[ContactProblem]) -> None:
-        self.engine, self.runs, self.one = engine, len(contacts), contacts[0]
-        covered = self.one.covered
-        self.contact = replace(
-            self.one,
-            covered=replace(
-                covered,
-                weight=np.tile(covered.weight, self.runs),
-                gamma=np.tile(covered.gamma, self.runs),
-                normals=np.tile(covered.normals, (self.runs, 1)),
-            ),
-            undeformed=np.concatenate([each.undeformed for each in contacts], axis=1),
-        )
-        self._shared = engine.problem(self.one)
+    def __init__(self, engine: Condensed, contact: ContactProblem) -> None:
+        self.engine, self.contact = engine, contact
+        self._shared = engine.problem(contact)
         self._factors: dict[bytes, Factors] = {}
-        self._traction, self._total, self._response = np.zeros((3, 2, self.contact.moments))
+        self._traction, self._total, self._response = np.zeros((3, *contact.undeformed.shape))
+        self._contraction = FIRST_CONTRACTION
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Correct the traction of every run with the factors of its status."""
-        contact, weight = self.contact, self.contact.covered.weight
-        runs = self._by_set(status, kappa, friction)
-        traction = self._move_to(_within(self._traction, status, friction), status, kappa)
+        contact, sets = self.contact, self._by_set(status, kappa, friction)
+        traction, before = _within(self._traction, status, friction), np.inf
         for _ in range(MOST):
-            corrected = _within(self._corrected(traction, kappa, runs), status, friction)
+            self._move_to(traction, status, kappa)
+            corrected = self._corrected(traction, kappa, sets)
+            corrected = _within(corrected, status, friction)
             change = float(np.abs(corrected - traction).max(initial=0.0))
-            if change <= EXACT * float(np.abs(corrected).max(initial=0.0)):
+            traction = corrected
+            if before < np.inf and change > 0.0:
+                self._contraction = min(change / before, 1.0)
+            if change * self._contraction <= EXACT * float(np.abs(traction).max(initial=0.0)):
                 break
-            traction = self._move_to(corrected, status, kappa)
-        self._traction, self._total = corrected, contact.total(corrected, kappa)
-        response, bore = self.engine.respond(self.one, self._by_run(weight * self._total))
-        self._response = response.reshape(corrected.shape)
-        trial = corrected + contact.covered.gamma * contact.residual(corrected, self._response, kappa)
-        return LinearSolution(corrected, trial, self._total, self._kappa(bore))
+            before = change
+        self._traction, self._total = traction, contact.total(traction, kappa)
+        self._response, bore = self.engine.respond(contact, contact.covered.weight * self._total)
+        trial = traction + contact.covered.gamma * contact.residual(traction, self._response, kappa)
+        return LinearSolution(traction, trial, self._total, contact.kappa(bore))
 
-    def reports(self, report: Report) -> list[Report]:
-        """The report of each run, of that of all."""
-        found, status = report.answer, report.status
-        traction, trial, total, kappa = map(self._by_run, (found.traction, found.trial, found.total, found.kappa))
-        kind, sign = map(self._by_run, (status.kind, status.sign))
-        return [
-            replace(
-                report,
-                answer=LinearSolution(traction[:, k], trial[:, k], total[:, k], kappa[k]),
-                status=Status(kind[k], sign[k]),
-            )
-            for k in range(self.runs)
-        ]
+    def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
+        """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
+        seat_load, bore_load = self.contact.loads(answer.total)
+        return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
 
-    def displacements(self, reports: Sequence[Report]) -> list[tuple[FloatArray, FloatArray]]:
-        """Displacements of the axle's loaded nodes and of the bore's nodes [mm] of each run."""
-        loads = zip(*(self.one.loads(report.answer.total) for report in reports), strict=True)
-        matrices = self.engine.own_compliance, self.engine.wheel.compliance
-        seat, bore = (_products(matrix, np.stack(each)) for matrix, each in zip(matrices, loads, strict=True))
-        return list(zip(seat, bore, strict=True))
-
-    def _by_run(self, values: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """(..., runs, n) of values (..., runs n)."""
-        return values.reshape(*values.shape[:-1], self.runs, -1)
-
-    def _move_to(self, traction: FloatArray, status: Status, kappa: FloatArray) -> FloatArray:
-        """Follow the traction in the rows of the response that the next correction needs; gives the traction."""
+    def _move_to(self, traction: FloatArray, status: Status, kappa: FloatArray) -> None:
+        """Follow the traction in the rows of the response that the next correction needs."""
         total = self.contact.total(traction, kappa)
-        forces = self._by_run(self.contact.covered.weight * (total - self._total))
-        response = self._by_run(self._response)
+        forces = self.contact.covered.weight * (total - self._total)
         for i in (0, 1) if (status.kind == STICK).any() else (0,):
             across, along = self._shared.influence(i)
-            response[i] += forces[0] @ across + forces[1] @ along
+            self._response[i] += forces[0] @ across + forces[1] @ along
         self._total = total
-        return traction
 
     def _by_set(self, status: Status, kappa: FloatArray, friction: FloatArray) -> list[tuple[IntArray, Factors]]:
         """The runs of each set of open, sticking and slipping moments, and the factors they share."""
-        kinds, drag, kappas = self._by_run(status.kind), self._by_run(status.sign * friction), self._by_run(kappa)
-        keys = [kind.tobytes() for kind in kinds]
+        drag, keys = status.sign * friction, [kind.tobytes() for kind in status.kind]
         found = []
         for key in dict.fromkeys(keys):
             runs = np.array([k for k, own in enumerate(keys) if own == key])
             if key not in self._factors:
-                self._factors[key] = self._factored(kinds[runs[0]], drag[runs].mean(axis=0), kappas[runs].mean(axis=0))
+                mean = drag[runs].mean(axis=0), kappa[runs].mean(axis=0)
+                self._factors[key] = self._factored(status.kind[runs[0]], *mean)
             found.append((runs, self._factors[key]))
         return found
 
     def _corrected(self, traction: FloatArray, kappa: FloatArray, sets: list[tuple[IntArray, Factors]]) -> FloatArray:
         """The traction with a correction of the runs of each set of moments at once."""
-        left = self._by_run(self.contact.residual(traction, self._response, kappa))
-        after = self._by_run(traction.copy())
+        left, after = self.contact.residual(traction, self._response, kappa), traction.copy()
         for runs, factors in sets:
-            normal, tangential = factors.step(left[:, runs])
+            normal, tangential = factors.step(left if len(sets) == 1 else left[:, runs])
             after[0][np.ix_(runs, factors.active)] += normal
             after[1][np.ix_(runs, factors.sticking)] += tangential
-        return after.reshape(traction.shape)
+        return after
 
     def _factored(self, kind: StatusArray, drag: FloatArray, kappa: FloatArray) -> Factors:
         """The factors at a mean of sign times friction, and of kappa."""
@@ -161,25 +128,18 @@ class Lockstep:
         self.engine.factorisations += 1
         return Factors(active, sticking, sla.lapack.dgetrf(matrix, overwrite_a=True)[:2])
 
-    def _kappa(self, bore: FloatArray) -> FloatArray:
-        """kappa (runs n,) at displacements (2, runs, bore nodes) of the bore."""
-        share = self.one.coupling.axial_share_undeformed
-        if not self.one.radial:
-            return np.tile(share, self.runs)
-        return np.asarray(share + self.one.coupling.bore_slope(bore)).ravel()
-
 
 def _within(traction: FloatArray, status: Status, friction: FloatArray) -> FloatArray:
-    """The traction (2, n) that its status allows: none where open, friction's where it slips."""
+    """The traction that its status allows: none where open, friction's where it slips."""
     normal = np.where(status.kind == OPEN, 0.0, traction[0])
-    held = np.where(status.kind == STICK, traction[1], 0.0)
-    return np.stack([normal, np.where(status.kind == SLIP, -status.sign * friction * normal, held)])
+    slipping = -status.sign * friction * normal
+    return np.stack([normal, np.where(status.kind == STICK, traction[1], slipping)])
 
 
-def _products(matrix: FloatArray, loads: FloatArray) -> FloatArray:
-    """loads (runs, 2 n) @ matrix', without the columns before the first and after the last load."""
-    both = loads.reshape(len(loads), 2, -1)
-    loaded = np.flatnonzero(both.any(axis=(0, 1)))
+def _product(matrix: FloatArray, loads: FloatArray) -> FloatArray:
+    """matrix @ load for loads (2, runs, n), without the columns before the first and after the last of them."""
+    loaded = np.flatnonzero(loads.any(axis=(0, 1)))
     within = slice(int(loaded[0]), int(loaded[-1]) + 1) if len(loaded) else slice(0)
-    blocks = matrix.reshape(len(matrix), 2, -1)
-    return np.asarray(both[:, 0, within] @ blocks[:, 0, within].T + both[:, 1, within] @ blocks[:, 1, within].T)
+    blocks = matrix.reshape(2, len(matrix) // 2, 2, -1)[..., within]
+    r, z = loads[..., within]
+    return np.stack([r @ blocks[i, :, 0].T + z @ blocks[i, :, 1].T for i in (0, 1)])

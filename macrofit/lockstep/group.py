@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..base.arrays import FloatArray
 from ..contact.condensed import Condensed
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
-from ..contact.law import Status
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
 from ..press import REACH, Press
-from ..state import Posed, State, Step
+from ..state import State, Step
+from .stack import of_run, stacked
 
 
 class Group:
@@ -41,17 +43,15 @@ class Group:
             or any(_alone(member.here, displacement, coupling) for member in present)
         ):
             return
-        covered = asking.seat.cover(coupling.portions)
-        posed: list[tuple[Member, Posed]] = []
+        asked: list[tuple[Member, FloatArray]] = []
         for member in present:
             try:
-                friction = member.facet_friction(coupling, member.here, displacement)
+                asked.append((member, member.facet_friction(coupling, member.here, displacement)))
             except MacrofitError as error:
                 member.offered = error
-            else:
-                posed.append((member, member.pose(member.here, displacement, coupling, covered, friction)))
-        if posed:
-            _solve(posed, coupling)
+        if asked:
+            members, friction = zip(*asked, strict=True)
+            _solve(members, np.stack(friction), coupling, displacement)
 
 
 class Member(Press):
@@ -90,18 +90,20 @@ def _alone(here: State, displacement: float, coupling: MortarCoupling) -> bool:
     return here.thermal_strain != coupling.thermal_strain or here.displacement == displacement
 
 
-def _solve(posed: list[tuple[Member, Posed]], coupling: MortarCoupling) -> None:
-    """Offer the steps that converge, where the bodies do not move as far as what was left out."""
-    engine = posed[0][0].engine
-    assert isinstance(engine, Condensed)
-    problem = Lockstep(engine, [each.contact for _, each in posed])
-    friction, kappa = (np.concatenate([getattr(each, name) for _, each in posed]) for name in ("friction", "kappa"))
-    kind, sign = (np.concatenate([getattr(each.status, name) for _, each in posed]) for name in ("kind", "sign"))
-    report = newton(problem, friction, Status(kind, sign), kappa)
+def _solve(
+    members: Sequence[Member], facet_friction: FloatArray, coupling: MortarCoupling, displacement: float
+) -> None:
+    """Offer the steps, if they converge, where the bodies do not move as far as what was left out."""
+    one = members[0]
+    assert isinstance(one.engine, Condensed)
+    before = stacked([member.here for member in members])
+    posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), facet_friction)
+    problem = Lockstep(one.engine, posed.contact)
+    report = newton(problem, posed.friction, posed.status, posed.kappa)
     if not report.converged:
         return
-    reports = problem.reports(report)
-    for (member, each), own, moved_to in zip(posed, reports, problem.displacements(reports), strict=True):
-        step = member.step(member.here, each, own, moved_to)
+    together = one.step(before, posed, report, problem.displacements(report.answer))
+    for run, member in enumerate(members):
+        step = of_run(together, run)
         if member.near(step, coupling):
             member.offered = step
