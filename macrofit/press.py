@@ -22,7 +22,7 @@ from .contact.release import release
 from .contact.seat import CoveredSeat, Seat, applied
 from .contact.status import OPEN, SLIP, STICK
 from .errors import ConvergenceError
-from .friction import FrictionField
+from .friction import FrictionField, TileOverlaps
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
@@ -341,12 +341,17 @@ class Press:
 
     def facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
+        return self.friction.facet_friction(
+            self.overlaps(coupling, displacement), state.pressure, state.accumulated_slip
+        )
+
+    def overlaps(self, coupling: MortarCoupling, displacement: float) -> TileOverlaps:
+        """Which pairs of tiles the facets of the seat face."""
         s = self.seat.line.coordinate
         start, end = s[:-1].copy(), s[:-1].copy()
         facets = coupling.portions.facet
         start[facets], end[facets] = coupling.portions.start, coupling.portions.end
-        overlaps = self.tiling.overlaps(start, end, displacement)
-        return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
+        return self.tiling.overlaps(start, end, displacement)
 
     @cached_property
     def tiling(self) -> Tiling:

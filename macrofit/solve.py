@@ -192,10 +192,9 @@ def advance(
     accepted = press.increments(press.resumed(states), len(states))
     yield
     for record, state in accepted:
-        arrays = state.arrays() | press.friction.news()
         with raise_together(comm):
             if journal is not None and comm.rank == 0:
-                journal.append(record, arrays)
+                journal.append(record, state.arrays() | press.friction.news())
             monitor.increment(record)
         increments.append(record)
         states.append(replace(state, flow=None))

@@ -89,7 +89,8 @@ class FrictionField:
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
         self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
-        self._news: IntArray = np.empty(0, dtype=np.int64)  # keys answered since `take_news`
+        self._told: list[tuple[IntArray, FloatArray]] = []  # answers that `_keys` and `_known` do not hold yet
+        self._news: IntArray = np.empty(0, dtype=np.int64)  # keys answered since `news`
 
     def facet_friction(self, overlaps: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
         """The coefficient of friction of each facet for the coming increment [-], shape (n_facets,).
@@ -138,10 +139,12 @@ class FrictionField:
 
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
+        self._merge()
         return FieldState(*_pair(self._keys), *self._known.copy())
 
     def news(self) -> dict[str, FloatArray | IntArray]:
         """What was answered since this was last called, each pair once, as arrays that a journal adds to its own."""
+        self._merge()
         keys, self._news = np.unique(self._news), self._news[:0]
         state = FieldState(*_pair(keys), *self._known[:, np.searchsorted(self._keys, keys)])
         news: dict[str, Any] = {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
@@ -169,7 +172,7 @@ class FrictionField:
         Raises:
             ProviderError: the arrays differ in length or hold no coefficients of friction.
         """
-        self._keys, self._known, self._news = self._keys[:0], self._known[:, :0], self._news[:0]
+        self._keys, self._known, self._news, self._told = self._keys[:0], self._known[:, :0], self._news[:0], []
         for state in saved:
             seat, bore = np.asarray(state.seat, dtype=np.int64), np.asarray(state.bore, dtype=np.int64)
             if seat.ndim != 1 or seat.shape != bore.shape:
@@ -181,17 +184,27 @@ class FrictionField:
 
     def _cached(self, keys: IntArray) -> FloatArray:
         """The coefficient of each key, asking the provider for those not seen yet."""
+        self._merge()
         new = np.setdiff1d(keys, self._keys) if not self._knows(keys) else keys[:0]
         if new.size:
             unused = np.zeros(new.size)
             self._asked(TilePairs(*_pair(new), unused, unused))
+            self._merge()
         known: FloatArray = self._known[0, np.searchsorted(self._keys, keys)]
         return known
 
     def _learn(self, keys: IntArray, coefficient: FloatArray, uncertainty: FloatArray) -> None:
         """Remember what was said of the keys, in place of what was known of them."""
-        keys, first = np.unique(keys, return_index=True)
-        values = np.stack([coefficient, uncertainty])[:, first]
+        self._told.append((keys, np.stack([coefficient, uncertainty])))
+
+    def _merge(self) -> None:
+        """Take in what was told, once for all answers since the last time: this moves all that is known."""
+        if not self._told:
+            return
+        keys, values = (np.concatenate(each, axis=-1) for each in zip(*reversed(self._told), strict=True))
+        self._told = []
+        keys, last = np.unique(keys, return_index=True)
+        values = values[:, last]
         place = np.searchsorted(self._keys, keys)
         known = np.isin(keys, self._keys[place[place < self._keys.size]])
         self._known[:, place[known]] = values[:, known]

@@ -18,6 +18,9 @@ from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
 
+BLOCK = 8
+"""Runs that a product of matrices takes at once: six take a third longer than eight, so that the last is doubled."""
+
 
 class Group:
     """Members at the same increment are solved together, when the first of them asks for it."""
@@ -42,11 +45,15 @@ class Group:
             or coupling is None
             or any(_alone(member.here, displacement, coupling) for member in present)
         ):
+            for member in present:
+                member.alone = True
             return
         asked: list[tuple[Member, FloatArray]] = []
+        overlaps = asking.overlaps(coupling, displacement)
         for member in present:
             try:
-                asked.append((member, member.facet_friction(coupling, member.here, displacement)))
+                here = member.here
+                asked.append((member, member.friction.facet_friction(overlaps, here.pressure, here.accumulated_slip)))
             except MacrofitError as error:
                 member.offered = error
         if asked:
@@ -61,6 +68,7 @@ class Member(Press):
     here: State  # after the increments that are done
     done: int  # increments
     offered: Step | MacrofitError | None = None
+    alone: bool = False  # nothing is offered for this increment
 
     def resumed(self, states: list[State]) -> State:
         """The state to go on from; the group learns where this member is."""
@@ -71,7 +79,7 @@ class Member(Press):
         """The step that was offered; another one than that of the whole increment is solved alone."""
         displacements = self.scene.displacements
         if state is self.here and self.done < len(displacements) and displacement == displacements[self.done]:
-            if self.offered is None:
+            if self.offered is None and not self.alone:
                 self.group.solve(self, displacement)
             offered, self.offered = self.offered, None
             if isinstance(offered, MacrofitError):
@@ -81,7 +89,7 @@ class Member(Press):
         return super().trial(state, displacement, thermal_strain)
 
     def _committed(self, before: State, after: State) -> State:
-        self.here, self.done = super()._committed(before, after), self.done + 1
+        self.here, self.done, self.alone = super()._committed(before, after), self.done + 1, False
         return self.here
 
 
@@ -96,7 +104,9 @@ def _solve(
     """Offer the steps, if they converge, where the bodies do not move as far as what was left out."""
     one = members[0]
     assert isinstance(one.engine, Condensed)
-    before = stacked([member.here for member in members])
+    spare = [members[-1]] * (-len(members) % BLOCK if len(members) > BLOCK // 2 else 0)
+    before = stacked([member.here for member in (*members, *spare)])
+    facet_friction = np.concatenate([facet_friction, *(facet_friction[-1:] for _ in spare)])
     posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), facet_friction)
     problem = Lockstep(one.engine, posed.contact)
     report = newton(problem, posed.friction, posed.status, posed.kappa)
