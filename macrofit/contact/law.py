@@ -123,7 +123,8 @@ class ContactProblem:
     def kappa(self, bore: FloatArray) -> FloatArray:
         """kappa (n,) at a displacement (2 bore nodes,) of the bore under the traction alone [mm]."""
         if not self.radial:
-            return self.coupling.axial_share_undeformed
+            share = self.coupling.axial_share_undeformed
+            return share if bore.ndim == 1 else np.tile(share, (bore.shape[1], 1))
         share = self.coupling.axial_share_undeformed + self.coupling.bore_slope(bore)
         return share if self.eigen is None else share + self.eigen.slope
 

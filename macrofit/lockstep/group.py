@@ -38,27 +38,16 @@ class Group:
     def solve(self, asking: Member, displacement: float) -> None:
         """Offer each member at the same increment its step, or the error that ends its run; nothing where it fails."""
         present = [member for member in self.members if member.done == asking.done]
-        bore = warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
-        coupling = couple_lines(asking.seat.line, bore, displacement, REACH)
-        if (
-            len(present) < 2
-            or coupling is None
-            or any(_alone(member.here, displacement, coupling) for member in present)
-        ):
-            for member in present:
-                member.alone = True
-            return
-        asked: list[tuple[Member, FloatArray]] = []
-        overlaps = asking.overlaps(coupling, displacement)
         for member in present:
-            try:
-                here = member.here
-                asked.append((member, member.friction.facet_friction(overlaps, here.pressure, here.accumulated_slip)))
-            except MacrofitError as error:
-                member.offered = error
-        if asked:
-            members, friction = zip(*asked, strict=True)
-            _solve(members, np.stack(friction), coupling, displacement)
+            member.asked = True
+        line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
+        coupling = couple_lines(line, bore, displacement, REACH)
+        if coupling is None or any(_by_itself(member.here, displacement, coupling) for member in present):
+            return
+        wide = _offer(present, coupling, displacement)
+        everything = couple_lines(line, bore, displacement) if wide else None
+        if everything is not None:
+            _offer(wide, everything, displacement)
 
 
 class Member(Press):
@@ -68,7 +57,7 @@ class Member(Press):
     here: State  # after the increments that are done
     done: int  # increments
     offered: Step | MacrofitError | None = None
-    alone: bool = False  # nothing is offered for this increment
+    asked: bool = False  # whether the group was asked for this increment
 
     def resumed(self, states: list[State]) -> State:
         """The state to go on from; the group learns where this member is."""
@@ -79,7 +68,7 @@ class Member(Press):
         """The step that was offered; another one than that of the whole increment is solved alone."""
         displacements = self.scene.displacements
         if state is self.here and self.done < len(displacements) and displacement == displacements[self.done]:
-            if self.offered is None and not self.alone:
+            if not self.asked:
                 self.group.solve(self, displacement)
             offered, self.offered = self.offered, None
             if isinstance(offered, MacrofitError):
@@ -89,31 +78,52 @@ class Member(Press):
         return super().trial(state, displacement, thermal_strain)
 
     def _committed(self, before: State, after: State) -> State:
-        self.here, self.done, self.alone = super()._committed(before, after), self.done + 1, False
+        self.here, self.done, self.asked = super()._committed(before, after), self.done + 1, False
         return self.here
 
 
-def _alone(here: State, displacement: float, coupling: MortarCoupling) -> bool:
+def _by_itself(here: State, displacement: float, coupling: MortarCoupling) -> bool:
     """Whether a press takes this increment in a way of its own: a fit in place, a wheel that cools."""
     return here.thermal_strain != coupling.thermal_strain or here.displacement == displacement
 
 
-def _solve(
-    members: Sequence[Member], facet_friction: FloatArray, coupling: MortarCoupling, displacement: float
-) -> None:
-    """Offer the steps, if they converge, where the bodies do not move as far as what was left out."""
-    one = members[0]
+def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: float) -> list[Member]:
+    """Offer the members their steps on one coupling; gives those that move as far as what it leaves out."""
+    left: list[Member] = []
+    frictions: list[FloatArray] = []
+    overlaps = members[0].overlaps(coupling, displacement)
+    for member in members:
+        here = member.here
+        try:
+            frictions.append(member.friction.facet_friction(overlaps, here.pressure, here.accumulated_slip))
+        except MacrofitError as error:
+            member.offered = error
+        else:
+            left.append(member)
+    if len(left) < 2:
+        return []
+    wide = []
+    for member, step in zip(left, _solved(left, frictions, coupling, displacement), strict=False):
+        if member.near(step, coupling):
+            member.offered = step
+        else:
+            wide.append(member)
+    return wide
+
+
+def _solved(
+    members: Sequence[Member], frictions: list[FloatArray], coupling: MortarCoupling, displacement: float
+) -> list[Step]:
+    """The step of each member; none where they do not converge together."""
+    one, spare = members[0], -len(members) % BLOCK if len(members) > BLOCK // 2 else 0
     assert isinstance(one.engine, Condensed)
-    spare = [members[-1]] * (-len(members) % BLOCK if len(members) > BLOCK // 2 else 0)
-    before = stacked([member.here for member in (*members, *spare)])
-    facet_friction = np.concatenate([facet_friction, *(facet_friction[-1:] for _ in spare)])
-    posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), facet_friction)
+    states = [member.here for member in members]
+    before = stacked([*states, *states[-1:] * spare])
+    friction = np.stack([*frictions, *frictions[-1:] * spare])
+    posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), friction)
     problem = Lockstep(one.engine, posed.contact)
     report = newton(problem, posed.friction, posed.status, posed.kappa)
     if not report.converged:
-        return
-    together = one.step(before, posed, report, problem.displacements(report.answer))
-    for run, member in enumerate(members):
-        step = of_run(together, run)
-        if member.near(step, coupling):
-            member.offered = step
+        return []
+    step = one.step(before, posed, report, problem.displacements(report.answer))
+    return [of_run(step, run) for run in range(len(members))]
