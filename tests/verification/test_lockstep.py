@@ -28,7 +28,7 @@ from macrofit.solve import solve
 COEFFICIENT = "friction.options.coefficient"
 COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
 RIPPLED = ("friction.provider=rippled",)
-TURNING = (15.0, 25.0, 40.0, 38.0, 37.9, 20.0, 30.0)
+TURNING = (15.0, 25.0, 40.0, 39.99, 39.96, 39.9, 39.7, 20.0, 30.0)
 """Pushed, pulled back a little and a lot, pushed again [mm]."""
 NEAR = 1e-9
 """Of the largest force: ten times what Newton's method leaves of the traction."""
@@ -103,7 +103,7 @@ def test_what_opens_differs_from_run_to_run() -> None:
     scenes = [small_press(*fine, f"{COEFFICIENT}={value}") for value in COEFFICIENTS]
     found = together(scenes)
     assert_same(found, alone(scenes))
-    assert differing(found, OPEN) >= 2
+    assert differing(found, OPEN) >= 1
 
 
 def test_five_surfaces() -> None:
