@@ -23,8 +23,8 @@ from .condensed import Condensed
 from .law import ContactProblem, LinearSolution, Status, StatusArray
 from .status import OPEN, STICK
 
-EXACT = 1e-8
-"""Correction of a traction, relative to the largest, from which on it is left to the next iteration."""
+EXACT, LEAST = 1e-8, 1e-10
+"""Error of a solve, relative to its first correction, but no less relative to the largest traction than the second."""
 MOST = 8
 """Corrections in one solve."""
 
@@ -66,16 +66,16 @@ class Lockstep:
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Correct the traction of every run with the factors of its status."""
         contact, sets = self.contact, self._by_set(status, kappa, friction)
-        traction, before = _within(self._traction, status, friction), np.inf
+        traction, before, first = _within(self._traction, status, friction), 0.0, 0.0
         for _ in range(MOST):
             self._move_to(traction, status, kappa)
-            corrected = self._corrected(traction, kappa, sets)
-            corrected = _within(corrected, status, friction)
+            corrected = _within(self._corrected(traction, kappa, sets), status, friction)
             change = float(np.abs(corrected - traction).max(initial=0.0))
             traction = corrected
-            if before < np.inf and change > 0.0:
+            first = first or change
+            if before > 0.0 and change > 0.0:
                 self._contraction = min(change / before, 1.0)
-            if change * self._contraction <= EXACT * float(np.abs(traction).max(initial=0.0)):
+            if change * self._contraction <= max(EXACT * first, LEAST * float(np.abs(traction).max(initial=0.0))):
                 break
             before = change
         self._traction, self._total = traction, contact.total(traction, kappa)
