@@ -24,6 +24,8 @@ class SharedAsk:
 
     def __call__(self, provider: FrictionProvider, pairs: TilePairs) -> PairFriction:
         """Coefficients of ``pairs`` and their uncertainty, each asked on one rank and checked there."""
+        if self.comm.size == 1:
+            return answered(provider, pairs, self.name)
         bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
         mine = np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1])
         answer = PairFriction(np.zeros(0), np.zeros(0))
