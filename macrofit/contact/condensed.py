@@ -176,7 +176,7 @@ class CondensedProblem:
         drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
         a, k = len(active), len(sticking)
         transposed = np.empty((a + k, a + k))
-        columns, held = _span(active), _span(sticking)
+        columns, held = span(active), span(sticking)
         for i, count, rows, part in ((0, a, columns, slice(0, a)), (1, k, held, slice(a, a + k))):
             if count:
                 across, along = self.influence(i)
@@ -196,9 +196,9 @@ def _chosen(matrix: FloatArray, index: IntArray, size: int) -> FloatArray:
     """matrix[index][:, index], for an ``index`` that ascends without holes where it is below ``size``."""
     whole = index < size
     out = np.empty((len(index), len(index)))
-    rows, spare = _span(np.flatnonzero(whole)), np.flatnonzero(~whole)
+    rows, spare = span(np.flatnonzero(whole)), np.flatnonzero(~whole)
     if whole.any():
-        part = _span(index[whole])
+        part = span(index[whole])
         out[rows, rows] = matrix[part, part]
     out[spare] = matrix[index[spare]][:, index]
     out[:, spare] = matrix[:, index[spare]][index]
@@ -229,7 +229,7 @@ def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> Floa
     return out.reshape(vector.shape)
 
 
-def _span(index: IntArray) -> IntArray | slice:
+def span(index: IntArray) -> IntArray | slice:
     """A slice where the ascending ``index`` has no holes, so that picking it copies nothing."""
     if len(index) and int(index[-1]) - int(index[0]) + 1 == len(index):
         return slice(int(index[0]), int(index[-1]) + 1)

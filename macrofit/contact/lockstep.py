@@ -14,12 +14,13 @@ products of matrices with matrices.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
-from .condensed import Condensed
+from .condensed import Condensed, span
 from .law import ContactProblem, LinearSolution, Status, StatusArray
 from .status import OPEN, STICK
 
@@ -32,20 +33,32 @@ FIRST_CONTRACTION = 1e-2
 """Factor that the first correction is taken to leave of an error."""
 
 
+Chosen: TypeAlias = IntArray | slice
+"""Numbers of moments or runs."""
+
+
 @dataclass(frozen=True)
 class Factors:
     """LU factors of the interface matrix of one set of open, sticking and slipping moments."""
 
-    active: IntArray  # moments that are not open
-    sticking: IntArray
+    active: Chosen  # moments that are not open
+    sticking: Chosen
     lu: tuple[FloatArray, FloatArray] | None  # None where all are open
 
-    def step(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Normal (runs, active) and tangential (runs, sticking) corrections for residuals (2, runs, n) [mm]."""
-        unknown = np.concatenate([residual[0][:, self.active], residual[1][:, self.sticking]], axis=1)
-        if self.lu is not None:
-            unknown = sla.lu_solve(self.lu, unknown.T, check_finite=False).T
-        return unknown[:, : len(self.active)], unknown[:, len(self.active) :]
+    def correct(self, traction: FloatArray, residual: FloatArray, runs: Chosen) -> None:
+        """Add the corrections for residuals (2, runs, n) [mm] to the tractions (2, runs, n) of some ``runs``."""
+        if self.lu is None:
+            return
+        normal, tangential = _places(runs, self.active), _places(runs, self.sticking)
+        unknown = np.concatenate([residual[0][normal], residual[1][tangential]], axis=1)
+        step = sla.lapack.dgetrs(*self.lu, unknown.T, overwrite_b=True)[0].T
+        count = traction[0][normal].shape[1]
+        traction[0][normal] += step[:, :count]
+        traction[1][tangential] += step[:, count:]
+
+
+Sets: TypeAlias = list[tuple[Chosen, Factors]]
+"""Runs, and the factors they share."""
 
 
 class Lockstep:
@@ -97,36 +110,41 @@ class Lockstep:
             self._response[i] += forces[0] @ across + forces[1] @ along
         self._total = total
 
-    def _by_set(self, status: Status, kappa: FloatArray, friction: FloatArray) -> list[tuple[IntArray, Factors]]:
+    def _by_set(self, status: Status, kappa: FloatArray, friction: FloatArray) -> Sets:
         """The runs of each set of open, sticking and slipping moments, and the factors they share."""
         drag, keys = status.sign * friction, [kind.tobytes() for kind in status.kind]
-        found = []
-        for key in dict.fromkeys(keys):
+        found: Sets = []
+        different = dict.fromkeys(keys)
+        for key in different:
             runs = np.array([k for k, own in enumerate(keys) if own == key])
             if key not in self._factors:
                 mean = drag[runs].mean(axis=0), kappa[runs].mean(axis=0)
                 self._factors[key] = self._factored(status.kind[runs[0]], *mean)
-            found.append((runs, self._factors[key]))
+            found.append((runs if len(different) > 1 else slice(None), self._factors[key]))
         return found
 
-    def _corrected(self, traction: FloatArray, kappa: FloatArray, sets: list[tuple[IntArray, Factors]]) -> FloatArray:
+    def _corrected(self, traction: FloatArray, kappa: FloatArray, sets: Sets) -> FloatArray:
         """The traction with a correction of the runs of each set of moments at once."""
         left, after = self.contact.residual(traction, self._response, kappa), traction.copy()
         for runs, factors in sets:
-            normal, tangential = factors.step(left if len(sets) == 1 else left[:, runs])
-            after[0][np.ix_(runs, factors.active)] += normal
-            after[1][np.ix_(runs, factors.sticking)] += tangential
+            factors.correct(after, left, runs)
         return after
 
     def _factored(self, kind: StatusArray, drag: FloatArray, kappa: FloatArray) -> Factors:
         """The factors at a mean of sign times friction, and of kappa."""
         active, sticking = np.flatnonzero(kind != OPEN), np.flatnonzero(kind == STICK)
         if not len(active):
-            return Factors(active, sticking, None)
+            return Factors(slice(0), slice(0), None)
         status = Status(kind, np.sign(drag).astype(np.int8))
         matrix = self._shared.matrix(status, kappa, np.abs(drag), active, sticking)
         self.engine.factorisations += 1
-        return Factors(active, sticking, sla.lapack.dgetrf(matrix, overwrite_a=True)[:2])
+        return Factors(span(active), span(sticking), sla.lapack.dgetrf(matrix, overwrite_a=True)[:2])
+
+
+def _places(runs: Chosen, moments: Chosen) -> Any:
+    """Index of some moments of some runs."""
+    both = isinstance(runs, slice) or isinstance(moments, slice)
+    return (runs, moments) if both else np.ix_(runs, moments)  # type: ignore[arg-type]
 
 
 def _within(traction: FloatArray, status: Status, friction: FloatArray) -> FloatArray:
