@@ -61,7 +61,7 @@ def _compute(
     done = comm.bcast(done)
     different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
     worker = RunWorker(plan, folder, resume=resume, keep=keep)
-    whole = groups_of([run for run in plan.runs if different[run.digest] is run])
+    whole = groups_of([run for run in plan.runs if different[run.digest] is run], comm.size)
     groups = [left for group in whole if (left := [run for run in group if run.digest not in done])]
     computed = sum(len(group) for group in groups)
     progress = StudyProgress(plan, already=len(different) - computed, quiet=quiet or comm.rank != 0)
@@ -198,17 +198,19 @@ def without_fields(scene: Scene) -> Scene:
     return msgspec.structs.replace(scene, output=msgspec.structs.replace(scene.output, fields=(), frames=0))
 
 
-def groups_of(runs: Sequence[PlannedRun]) -> list[list[PlannedRun]]:
-    """Runs that one rank computes in lockstep, at most `MOST_TOGETHER`; those of the same bodies one after the other.
+def groups_of(runs: Sequence[PlannedRun], ranks: int) -> list[list[PlannedRun]]:
+    """Runs that one rank computes in lockstep; those of the same bodies one after the other.
 
-    They depend on the runs alone, not on the ranks or on what is done already: so do the bits of each result.
+    They are at most `MOST_TOGETHER`, and so few that every rank has some. They do not depend on what is done already:
+    a study that was interrupted goes on with the same groups, and so with the same bits.
     """
+    most = min(MOST_TOGETHER, -(-len(runs) // ranks))
     bodies: dict[bytes, dict[bytes, list[PlannedRun]]] = {}
     for run in runs:
         own = msgspec.json.encode([getattr(run.scene, key) for key in BODY_KEYS], order="deterministic")
         bodies.setdefault(own, {}).setdefault(common_to(run.scene) or run.digest.encode(), []).append(run)
     together = [group for groups in bodies.values() for group in groups.values()]
-    return [[*part] for group in together for part in evenly(group, MOST_TOGETHER)]
+    return [[*part] for group in together for part in evenly(group, most)]
 
 
 def evenly(group: Sequence[PlannedRun], most: int) -> Iterator[Sequence[PlannedRun]]:
