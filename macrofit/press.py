@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .base.arrays import FloatArray, IntArray
+from .base.arrays import FloatArray
 from .bodies.body import ContactLine
 from .contact.cooling import cooled, heat_work, thermal_slip, warmed
 from .contact.eigen import Eigen, shifted
@@ -19,14 +19,25 @@ from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
 from .contact.release import release
-from .contact.seat import CoveredSeat, Seat, applied
-from .contact.status import OPEN, SLIP, STICK
+from .contact.seat import CoveredSeat, Seat
+from .contact.status import OPEN, SLIP
 from .errors import ConvergenceError
 from .friction import FrictionField, TileOverlaps
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
-from .state import Posed, State, Step, accepted, nothing_touches, slip_work
+from .state import (
+    Posed,
+    State,
+    Step,
+    accepted,
+    covered_moments,
+    elastic_energy,
+    first_guess,
+    first_kappa,
+    nothing_touches,
+    slip_work,
+)
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -257,7 +268,7 @@ class Press:
         """
         moved = displacement - state.displacement + given
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
-        slip_old += _moments(state.held, coupling)
+        slip_old += covered_moments(state.held, coupling)
         if coupling.thermal_strain != state.thermal_strain:
             slip_old += thermal_slip(self.bore, coupling, coupling.thermal_strain - state.thermal_strain)
         contact = ContactProblem(
@@ -273,8 +284,8 @@ class Press:
             moved=moved,
             contact=contact,
             friction=friction,
-            status=self._first_guess(state, contact, friction, moved),
-            kappa=self._first_kappa(state, contact),
+            status=first_guess(state, self.seat.line, contact, friction, moved),
+            kappa=first_kappa(state, contact),
         )
 
     def _settle(self, state: State, posed: Posed, problem: LinearProblem) -> tuple[Report, ContactProblem, Settled]:
@@ -306,38 +317,6 @@ class Press:
         if "wheel" in settled.eigen:
             bore = bore + settled.eigen["wheel"].displacement
         return seat, bore
-
-    def _first_guess(self, state: State, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
-        """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
-
-        A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
-        """
-        kind, sign = _moments(state.kind, contact.coupling), _moments(state.sign, contact.coupling)
-        line, points = self.seat.line, contact.coupling.portions.points
-        shift = moved if line.radial else 0.0
-        there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
-        inside = (there >= 0) & (there < line.facets)
-        came = state.kind[..., np.clip(there, 0, line.facets - 1), :].max(axis=-1)
-        fresh = (kind == OPEN) & (inside & (came != OPEN)).reshape(kind.shape)
-        fresh |= ~state.pressure.any(axis=-1, keepdims=True) & (contact.coupling.gap < 0.0)
-        kind = np.where(fresh, SLIP, kind)
-        sign = np.where(fresh, int(np.sign(moved * contact.covered.normals[0, 0])), sign)
-        turns = np.asarray(moved * state.direction < 0.0)[..., None]
-        kind = np.where(turns & (kind == SLIP), STICK, kind)
-        kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
-        kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
-        sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
-        return Status(kind.astype(np.int8), sign.astype(np.int8))
-
-    def _first_kappa(self, state: State, contact: ContactProblem) -> FloatArray:
-        """kappa to start from: that of the seat's same point in the rear half, of the bore's in the front half.
-
-        The deformed interface follows the seat's edge behind and the bore's edge in front.
-        """
-        kappa = contact.kappa(state.bore_displacement)
-        rear = _moments(state.kind, contact.coupling) != OPEN
-        rear[..., contact.moments // 2 :] = False
-        return np.where(rear, _moments(state.kappa, contact.coupling), kappa)
 
     def facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
@@ -422,20 +401,12 @@ class Press:
             friction_force=friction_force,
             friction_bound=_number((friction * pressure) @ weight),
             torque=_number((friction * pressure * radius) @ weight),
-            strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
+            strain_energy=elastic_energy(after, self.seat.stabilisation) + (0.0 if settled is None else settled.energy),
             dissipation=_number((answer.traction[1] * slip) @ weight),
             slip_work=_number(slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip)),
             heat=heat_work(self.bore, (state.bore_load, bore_load), after.thermal_strain - state.thermal_strain),
             settled=settled,
         )
-
-    def _strain_energy(self, state: State) -> Any:
-        """1/2 u' K u of both bodies [N mm]."""
-        stabilisation, seat = self.seat.stabilisation, state.seat_displacement
-        energy = 0.5 * (_product(state.seat_load, seat) + _product(state.bore_load, state.bore_displacement))
-        if stabilisation is not None:
-            energy -= 0.5 * _product(seat, applied(stabilisation, seat))
-        return energy
 
     def _by_moment(self, contact: ContactProblem, values: FloatArray | StatusArray) -> FloatArray:
         every = np.zeros((*values.shape[:-1], self.seat.line.facets, self.seat.moments))
@@ -511,22 +482,9 @@ class Press:
         )
 
 
-def _moments(values: FloatArray | IntArray, coupling: MortarCoupling) -> Any:
-    """What the moments that face the bore have (..., n) of values (..., facets, moments)."""
-    chosen = values[..., coupling.portions.facet, :]
-    return chosen.reshape(*chosen.shape[:-2], -1)
-
-
 def _by_facet(values: Any, moments: int) -> Any:
     """(..., portions, moments) of values (..., n)."""
     return values.reshape(*values.shape[:-1], -1, moments)
-
-
-def _product(load: FloatArray, displacement: FloatArray) -> Any:
-    """The product of two vectors of a body's nodes; of several runs, of each."""
-    if load.ndim == 1:
-        return float(load @ displacement)
-    return np.einsum("irn,irn->r", load, displacement)
 
 
 def _number(value: Any) -> Any:

@@ -15,7 +15,7 @@ from ..state import State, Step
 COMMON = ("displacement", "thermal_strain", "flow", "changes")
 """What runs in lockstep have in common, or none of them has."""
 VECTORS = ("seat_displacement", "bore_displacement", "seat_load", "bore_load")
-"""Of a body's nodes: (2 nodes,) of one run, (2, runs, nodes) of several; all others (...,) and (runs, ...)."""
+"""Vectors of a body's nodes: (2 nodes,) of one run, (2, runs, nodes) of several; all others (...,) and (runs, ...)."""
 NUMBERS = (
     "force", "normal_force", "friction_force", "friction_bound", "torque", "strain_energy", "dissipation", "slip_work",
 )  # fmt: skip
