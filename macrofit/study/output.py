@@ -100,15 +100,15 @@ class StudyProgress:
         if already and not quiet:
             say(f"{already} of {self.total} runs are there already")
 
-    def finished(self, record: RunRecord) -> None:
-        """A run has come in."""
+    def finished(self, record: RunRecord, behind: int = 0) -> None:
+        """A run has come in, and with it so many more of its group that are told next."""
         self.count += 1
         now = time.monotonic()
         last = self.count == self.total
         if self.quiet or (self.total > 20 and not last and now - self._said < SAY_EVERY_S):
             return
         self._said = now
-        each = (now - self._begin) / (self.count - self.already)
+        each = (now - self._begin) / (self.count + behind - self.already)
         remaining = "" if last else f"  {duration(each * (self.total - self.count))} left"
         force, place = record.peak
         say(

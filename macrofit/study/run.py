@@ -68,9 +68,9 @@ def _compute(
 
     def accept(records: list[RunRecord]) -> None:
         assert kept is not None
-        for record in records:
+        for behind, record in zip(reversed(range(len(records))), records, strict=True):
             kept.append(record)
-            progress.finished(record)
+            progress.finished(record, behind)
 
     deal(groups, comm, worker.run, accept)
     with raise_together(comm):
