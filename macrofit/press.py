@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -19,15 +19,27 @@ from .contact.interface import MortarCoupling, couple_lines
 from .contact.law import ContactProblem, LinearSolution, Status, StatusArray
 from .contact.newton import LinearProblem, Report, newton, settled_status
 from .contact.release import release
-from .contact.seat import Seat
-from .contact.status import OPEN, SLIP, STICK
+from .contact.seat import CoveredSeat, Seat
+from .contact.status import OPEN, SLIP
 from .errors import ConvergenceError
-from .friction import FrictionField
+from .friction import FrictionField, TileOverlaps
 from .friction.tiles import NO_OVERLAPS
 from .release import is_held, let_go
 from .scene.keys import Scene
 from .solution import TILE, FacetState, Increment, PairFrictionMap, Tiling, tiles
-from .state import State, Step, accepted, nothing_touches, remedy, slip_work
+from .state import (
+    Posed,
+    State,
+    Step,
+    accepted,
+    covered_moments,
+    elastic_energy,
+    first_guess,
+    first_kappa,
+    nothing_touches,
+    remedy,
+    slip_work,
+)
 
 if TYPE_CHECKING:
     from .plasticity.yielding import Loads, Settled, Yielding
@@ -174,23 +186,27 @@ class Press:
         if coupling is None:
             return self._apart(state, displacement, strain)
         step = self._resolve(state, displacement, coupling)
-        height = 0 if self.seat.line.radial else 1
-        bodies = (step.state.seat_displacement, step.state.bore_displacement)
-        if sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance:
+        if self.near(step, coupling):
             return step
         everything = couple_lines(self.seat.line, bore, displacement)
         assert everything is not None
         return self._resolve(state, displacement, everything)
 
+    def near(self, step: Step, coupling: MortarCoupling) -> bool:
+        """Whether the bodies move less than the ends that were left out stand open."""
+        height = 0 if self.seat.line.radial else 1
+        bodies = (step.state.seat_displacement, step.state.bore_displacement)
+        return sum(float(np.abs(u.reshape(2, -1)[height]).max()) for u in bodies) < coupling.clearance
+
     def _resolve(self, state: State, displacement: float, coupling: MortarCoupling) -> Step:
         """The motion to a displacement; where none led there, a fit in place if the bodies overlap."""
         moved = displacement - state.displacement
         if coupling.thermal_strain != state.thermal_strain:
-            friction = self._facet_friction(coupling, state, displacement)
+            friction = self.facet_friction(coupling, state, displacement)
             return cooled(lambda given: self._solve(state, displacement, coupling, friction, given))
         if moved == 0.0 and self.seat.line.radial and float(coupling.gap.min()) < 0.0:
             return self._fit_in_place(state, coupling)
-        return self._solve(state, displacement, coupling, self._facet_friction(coupling, state, displacement))
+        return self._solve(state, displacement, coupling, self.facet_friction(coupling, state, displacement))
 
     def _fit_in_place(self, state: State, coupling: MortarCoupling) -> Step:
         """Resolve the interference as a shrink fit does: without friction; then friction, and no force from outside.
@@ -201,7 +217,7 @@ class Press:
         here = state.displacement
         shrunk = self._solve(state, here, coupling, np.zeros(self.seat.line.facets))
         fitted = replace(shrunk.state, accumulated_slip=state.accumulated_slip)
-        friction = self._facet_friction(coupling, fitted, here)
+        friction = self.facet_friction(coupling, fitted, here)
         if not (shrunk.report.converged and shrunk.normal_force > 0.0 and friction.any()):
             return shrunk
         steps = [shrunk]
@@ -225,40 +241,51 @@ class Press:
         facet_friction: FloatArray,
         given: float = 0.0,  # mm, how far the wheel's support moves beside the displacement
     ) -> Step:
+        posed = self.pose(state, displacement, coupling, self.seat.cover(coupling.portions), facet_friction, given)
+        problem = self.engine.problem(posed.contact)
+        if self.yielding is None:
+            report = newton(problem, posed.friction, posed.status, posed.kappa)
+            return self.step(state, posed, report, problem.displacements(report.answer))
+        report, contact, settled = self._settle(state, posed, problem)
+        moved_to = self._with_eigen(problem.displacements(report.answer), settled)
+        return self.step(state, replace(posed, contact=contact), report, moved_to, settled)
+
+    def pose(
+        self,
+        state: State,
+        displacement: float,
+        coupling: MortarCoupling,
+        covered: CoveredSeat,
+        facet_friction: FloatArray,
+        given: float = 0.0,
+    ) -> Posed:
+        """What Newton's method is to solve for a displacement, and where it starts.
+
+        States of several runs that are at one place (see `lockstep.stack`) are posed as one problem.
+        """
         moved = displacement - state.displacement + given
-        covered = self.seat.cover(coupling.portions)
         slip_old = (covered.seat_moments(state.seat_displacement) - coupling.bore_moments(state.bore_displacement))[1]
-        slip_old += state.held[coupling.portions.facet].ravel()
+        slip_old += covered_moments(state.held, coupling)
         if coupling.thermal_strain != state.thermal_strain:
             slip_old += thermal_slip(self.bore, coupling, coupling.thermal_strain - state.thermal_strain)
         contact = ContactProblem(
             covered=covered,
             coupling=coupling,
-            undeformed=np.stack([coupling.gap, moved * covered.normals[:, 0] + slip_old]),
+            undeformed=np.stack(np.broadcast_arrays(coupling.gap, moved * covered.normals[:, 0] + slip_old)),
             radial=self.seat.line.radial,
             nitsche=self.seat.nitsche,
         )
-        friction = facet_friction[covered.facet]
-        guess = self._first_guess(state, contact, friction, moved)
-        kappa = self._first_kappa(state, contact)
-        problem = self.engine.problem(contact)
-        if self.yielding is None:
-            report, settled = newton(problem, friction, guess, kappa), None
-            moved_to = problem.displacements(report.answer)
-        else:
-            report, contact, settled = self._settle(state, moved, problem, friction, guess, kappa)
-            moved_to = self._with_eigen(problem.displacements(report.answer), settled)
-        return self._step(state, displacement, moved, contact, friction, report, moved_to, settled)
+        friction = facet_friction[..., covered.facet]
+        return Posed(
+            displacement=displacement,
+            moved=moved,
+            contact=contact,
+            friction=friction,
+            status=first_guess(state, self.seat.line, contact, friction, moved),
+            kappa=first_kappa(state, contact),
+        )
 
-    def _settle(
-        self,
-        state: State,
-        moved: float,
-        problem: LinearProblem,
-        friction: FloatArray,
-        status: Status,
-        kappa: FloatArray,
-    ) -> tuple[Report, ContactProblem, Settled]:
+    def _settle(self, state: State, posed: Posed, problem: LinearProblem) -> tuple[Report, ContactProblem, Settled]:
         """Contact and plastic strains that fit each other."""
         assert self.yielding is not None
         assert state.flow is not None
@@ -268,11 +295,11 @@ class Press:
         def contact(eigen: dict[str, Eigen]) -> Loads:
             """Solve for what the plastic strains do, from the status before."""
             problem.contact = shifted(undeformed, self.seat.line.coordinate, eigen)
-            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (status, kappa)
-            reports.append(newton(problem, friction, *start))
+            start = (reports[-1].status, reports[-1].answer.kappa) if reports else (posed.status, posed.kappa)
+            reports.append(newton(problem, posed.friction, *start))
             return problem.contact.loads(reports[-1].answer.total)
 
-        settled = self.yielding.settle(state.flow, moved, (state.seat_load, state.bore_load), contact)
+        settled = self.yielding.settle(state.flow, posed.moved, (state.seat_load, state.bore_load), contact)
         report, spent = reports[-1], sum(each.iterations for each in reports)
         converged = report.converged and settled.converged
         return replace(report, iterations=spent, converged=converged), problem.contact, settled
@@ -288,51 +315,20 @@ class Press:
             bore = bore + settled.eigen["wheel"].displacement
         return seat, bore
 
-    def _first_guess(self, state: State, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
-        """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
-
-        A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
-        """
-        facets = contact.coupling.portions.facet
-        kind, sign = state.kind[facets].ravel(), state.sign[facets].ravel()
-        line, points = self.seat.line, contact.coupling.portions.points
-        shift = moved if line.radial else 0.0
-        there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
-        inside = (there >= 0) & (there < line.facets)
-        came = state.kind[np.where(inside, there, 0)].max(axis=2)
-        fresh = (kind == OPEN) & (inside & (came != OPEN)).ravel()
-        if not state.pressure.any():
-            fresh |= contact.coupling.gap < 0.0
-        kind = np.where(fresh, SLIP, kind)
-        sign = np.where(fresh, int(np.sign(moved * contact.covered.normals[0, 0])), sign)
-        if moved * state.direction < 0.0:
-            kind = np.where(kind == SLIP, STICK, kind)
-        kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
-        kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
-        sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
-        return Status(kind.astype(np.int8), sign.astype(np.int8))
-
-    def _first_kappa(self, state: State, contact: ContactProblem) -> FloatArray:
-        """kappa to start from: that of the seat's same point in the rear half, of the bore's in the front half.
-
-        The deformed interface follows the seat's edge behind and the bore's edge in front.
-        """
-        kappa = contact.kappa(state.bore_displacement)
-        facets = contact.coupling.portions.facet
-        rear = (state.kind[facets] != OPEN).ravel()
-        rear[contact.moments // 2 :] = False
-        kappa[rear] = state.kappa[facets].ravel()[rear]
-        return kappa
-
-    def _facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
+    def facet_friction(self, coupling: MortarCoupling, state: State, displacement: float) -> FloatArray:
         """Coefficient of friction of every facet of the seat, asked of the field once per trial."""
+        return self.friction.facet_friction(
+            self.overlaps(coupling, displacement), state.pressure, state.accumulated_slip
+        )
+
+    def overlaps(self, coupling: MortarCoupling, displacement: float) -> TileOverlaps:
+        """Which pairs of tiles the facets of the seat face; none where friction does not ask."""
         if not self.friction.per_pair:
-            return self.friction.facet_friction(NO_OVERLAPS, state.pressure, state.accumulated_slip)
+            return NO_OVERLAPS
         s, facets = self.seat.line.coordinate, coupling.portions.facet
         start, end = s[:-1].copy(), s[:-1].copy()
         start[facets], end[facets] = coupling.portions.start, coupling.portions.end
-        overlaps = self.tiling.overlaps(start, end, displacement)
-        return self.friction.facet_friction(overlaps, state.pressure, state.accumulated_slip)
+        return self.tiling.overlaps(start, end, displacement)
 
     @cached_property
     def tiling(self) -> Tiling:
@@ -355,18 +351,16 @@ class Press:
         known = self.friction.state()._asdict()
         return PairFrictionMap(tiling=self.tiling, **known, lasting=self.friction.lasting)
 
-    def _step(
+    def step(
         self,
         state: State,
-        displacement: float,
-        moved: float,
-        contact: ContactProblem,
-        friction: FloatArray,
+        posed: Posed,
         report: Report,
         displacements: tuple[FloatArray, FloatArray],
-        settled: Settled | None,
+        settled: Settled | None = None,
     ) -> Step:
-        """What a trial leaves: the next state, resultants and energies."""
+        """What the answer to a posed problem leaves: the next state, resultants and energies; of several runs, all."""
+        contact, friction, moved = posed.contact, posed.friction, posed.moved
         answer, weight = report.answer, contact.covered.weight
         seat_load, bore_load = contact.loads(answer.total)
         gap, along = contact.opening(*displacements)
@@ -374,9 +368,9 @@ class Press:
         held = np.where(report.status.kind == OPEN, 0.0, along - slip)
         status = settled_status(report, contact, friction, slip, moved)
         facets = self._facet_state(state, contact, answer, status, friction, gap, slip)
-        friction_force = float(weight @ (answer.traction[1] * contact.covered.normals[:, 0]))
+        friction_force = _number((answer.traction[1] * contact.covered.normals[:, 0]) @ weight)
         after = State(
-            displacement=displacement,
+            displacement=posed.displacement,
             direction=float(np.sign(moved)) or state.direction,
             friction_force=friction_force,
             seat_displacement=displacements[0],
@@ -400,29 +394,21 @@ class Press:
             state=after,
             report=report,
             facets=facets,
-            force=contact.axial_force(answer.total),
-            normal_force=float(weight @ pressure),
+            force=_number(contact.axial_force(answer.total)),
+            normal_force=_number(pressure @ weight),
             friction_force=friction_force,
-            friction_bound=float(weight @ (friction * pressure)),
-            torque=float(weight @ (friction * pressure * radius)),
-            strain_energy=self._strain_energy(after) + (0.0 if settled is None else settled.energy),
-            dissipation=float(weight @ (answer.traction[1] * slip)),
-            slip_work=slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip),
+            friction_bound=_number((friction * pressure) @ weight),
+            torque=_number((friction * pressure * radius) @ weight),
+            strain_energy=elastic_energy(after, self.seat.stabilisation) + (0.0 if settled is None else settled.energy),
+            dissipation=_number((answer.traction[1] * slip) @ weight),
+            slip_work=_number(slip_work(state, after, moved * self.seat.line.normals[:, 0], contact, slip)),
             heat=heat_work(self.bore, (state.bore_load, bore_load), after.thermal_strain - state.thermal_strain),
             settled=settled,
         )
 
-    def _strain_energy(self, state: State) -> float:
-        """1/2 u' K u of both bodies [N mm]."""
-        energy = 0.5 * float(state.seat_load @ state.seat_displacement + state.bore_load @ state.bore_displacement)
-        stabilisation = self.seat.stabilisation
-        if stabilisation is not None:
-            energy -= 0.5 * float(state.seat_displacement @ (stabilisation @ state.seat_displacement))
-        return energy
-
     def _by_moment(self, contact: ContactProblem, values: FloatArray | StatusArray) -> FloatArray:
-        every = np.zeros((self.seat.line.facets, self.seat.moments))
-        every[contact.coupling.portions.facet] = values.reshape(-1, self.seat.moments)
+        every = np.zeros((*values.shape[:-1], self.seat.line.facets, self.seat.moments))
+        every[..., contact.coupling.portions.facet, :] = _by_facet(values, self.seat.moments)
         return every
 
     def _facet_state(
@@ -437,16 +423,16 @@ class Press:
     ) -> FacetState:
         facets, m = contact.coupling.portions.facet, self.seat.moments
         weight = contact.covered.weight.reshape(-1, m)
-        area, kinds = weight.sum(axis=1), status.reshape(-1, m)
+        area, kinds = weight.sum(axis=1), _by_facet(status, m)
 
         def mean(values: FloatArray) -> FloatArray:
-            every = np.zeros(self.seat.line.facets)
-            every[facets] = (weight * values.reshape(-1, m)).sum(axis=1) / area
+            every = np.zeros((*values.shape[:-1], self.seat.line.facets))
+            every[..., facets] = (weight * _by_facet(values, m)).sum(axis=-1) / area
             return every
 
         slipped = mean(np.where(status == SLIP, slip, 0.0))
-        kind = np.zeros(self.seat.line.facets, dtype=np.int64)
-        kind[facets] = np.where((kinds == SLIP).any(axis=1), SLIP, kinds.max(axis=1))
+        kind = np.zeros(slipped.shape, dtype=np.int64)
+        kind[..., facets] = np.where((kinds == SLIP).any(axis=-1), SLIP, kinds.max(axis=-1))
         return FacetState(
             pressure=mean(-answer.traction[0]),
             traction=mean(answer.traction[1]),
@@ -492,3 +478,13 @@ class Press:
             slip_work=-0.5 * moved * float(self.seat.line.normals[:, 0] @ state.shear.sum(axis=1)),
             settled=settled,
         )
+
+
+def _by_facet(values: Any, moments: int) -> Any:
+    """(..., portions, moments) of values (..., n)."""
+    return values.reshape(*values.shape[:-1], -1, moments)
+
+
+def _number(value: Any) -> Any:
+    """A resultant as a number; those of several runs as they are."""
+    return value if np.ndim(value) else float(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,26 @@ def solve(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = Silent() if monitor is None else monitor
+    going = steps(scene, comm, monitor, journal, assembly, friction)
+    while True:
+        try:
+            next(going)
+        except StopIteration as end:
+            solution: Solution = end.value
+            return solution
+
+
+def steps(
+    scene: Scene,
+    comm: MPI.Comm,
+    monitor: Monitor,
+    journal: Journal | None,
+    assembly: Assembly | None,
+    friction: GivenFriction | None,
+    *,
+    pressed: Callable[..., Press] = Press,
+) -> Generator[None, None, Solution]:
+    """The steps of `solve`, which pauses before every increment: several runs may take turns (see `lockstep`)."""
     scene, script = _with_friction(scene, friction, journal, comm)
     agree(comm, [scene])
     clock = [time.process_time()]
@@ -67,12 +88,12 @@ def solve(
     seat, wheel, engine = assembly.seat, assembly.wheel, assembly.engine
     check_approach(scene, seat.line.side, wheel.line.side)
     field = friction_field(scene, comm, seat, wheel, script)
-    press = Press(scene, seat, wheel.line, engine, field, yielding_of(scene, assembly))
+    press = pressed(scene, seat, wheel.line, engine, field, yielding_of(scene, assembly))
     engaged = engine.factorisations
     clock.append(time.process_time())
 
     monitor.started(scene, len(scene.displacements) + scene.motion.release, assembly.dofs)
-    increments, states = advance(press, comm, monitor, journal)
+    increments, states = yield from advance(press, comm, monitor, journal)
     clock.append(time.process_time())
 
     stresses = evaluate_stresses(scene, assembly, states, increments)
@@ -160,20 +181,22 @@ def deepest_overlap(press: Press, increments: list[Increment]) -> float:
 
 def advance(
     press: Press, comm: MPI.Comm, monitor: Monitor, journal: Journal | None
-) -> tuple[list[Increment], list[State]]:
-    """Step through the scene's displacements, from the last one the journal holds."""
+) -> Generator[None, None, tuple[list[Increment], list[State]]]:
+    """Step through the scene's displacements, from the last one the journal holds; pause before each."""
     with raise_together(comm):
         kept = journal.records() if journal is not None and comm.rank == 0 else []
     kept = comm.bcast(kept)
     increments = [record for record, _ in kept]
     states = [State.restored(arrays) for _, arrays in kept]
     press.friction.recall(arrays for _, arrays in kept)
-    for record, state in press.increments(press.resumed(states), len(states)):
-        arrays = state.arrays() | press.friction.news()
+    accepted = press.increments(press.resumed(states), len(states))
+    yield
+    for record, state in accepted:
         with raise_together(comm):
             if journal is not None and comm.rank == 0:
-                journal.append(record, arrays)
+                journal.append(record, state.arrays() | press.friction.news())
             monitor.increment(record)
         increments.append(record)
         states.append(replace(state, flow=None))
+        yield
     return increments, states

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from .base.arrays import FloatArray, IntArray
+from .contact.law import ContactProblem, Status
 from .contact.newton import Report
-from .contact.status import OPEN, STICK
+from .contact.seat import applied
+from .contact.status import OPEN, SLIP, STICK
 from .plasticity.material import limit_load
 from .solution import FacetState, Increment
 
 if TYPE_CHECKING:
-    from .contact.law import ContactProblem
+    from .bodies.body import ContactLine
+    from .contact.interface import MortarCoupling
     from .plasticity.body import Changes
     from .plasticity.yielding import Flow, Settled
     from .scene.keys import Scene
@@ -74,6 +78,18 @@ class State:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Posed:
+    """What Newton's method is to solve for one displacement, and where it starts; n moments."""
+
+    displacement: float  # mm
+    moved: float  # way from the state before [mm]
+    contact: ContactProblem
+    friction: FloatArray  # (n,)
+    status: Status
+    kappa: FloatArray  # (n,)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """The trial of one displacement; its state counts where Newton's method converged."""
 
@@ -90,6 +106,62 @@ class Step:
     torque: float = 0.0  # N mm, integral of friction * pressure * radius
     heat: float = 0.0  # N mm, of the wheel's change of temperature
     settled: Settled | None = None
+
+
+def first_guess(state: State, line: ContactLine, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
+    """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
+
+    A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
+    """
+    kind, sign = covered_moments(state.kind, contact.coupling), covered_moments(state.sign, contact.coupling)
+    points = contact.coupling.portions.points
+    shift = moved if line.radial else 0.0
+    there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
+    inside = (there >= 0) & (there < line.facets)
+    came = state.kind[..., np.where(inside, there, 0), :].max(axis=-1)
+    fresh = (kind == OPEN) & (inside & (came != OPEN)).reshape(kind.shape)
+    fresh |= ~state.pressure.any(axis=-1, keepdims=True) & (contact.coupling.gap < 0.0)
+    kind = np.where(fresh, SLIP, kind)
+    sign = np.where(fresh, int(np.sign(moved * contact.covered.normals[0, 0])), sign)
+    turns = np.asarray(moved * state.direction < 0.0)[..., None]
+    kind = np.where(turns & (kind == SLIP), STICK, kind)
+    kind = np.where((kind == SLIP) & (sign == 0), STICK, kind)
+    kind = np.where((kind == STICK) & (friction == 0.0), SLIP, kind)
+    sign = np.where((kind == SLIP) & (friction > 0.0), sign, 0)
+    return Status(kind.astype(np.int8), sign.astype(np.int8))
+
+
+def first_kappa(state: State, contact: ContactProblem) -> FloatArray:
+    """kappa to start from: that of the seat's same point in the rear half, of the bore's in the front half.
+
+    The deformed interface follows the seat's edge behind and the bore's edge in front.
+    """
+    kappa = contact.kappa(state.bore_displacement)
+    rear = covered_moments(state.kind, contact.coupling) != OPEN
+    rear[..., contact.moments // 2 :] = False
+    return np.where(rear, covered_moments(state.kappa, contact.coupling), kappa)
+
+
+def covered_moments(values: FloatArray | IntArray, coupling: MortarCoupling) -> Any:
+    """What the moments that face the bore have (..., n) of values (..., facets, moments)."""
+    chosen = values[..., coupling.portions.facet, :]
+    return chosen.reshape(*chosen.shape[:-2], -1)
+
+
+def elastic_energy(state: State, stabilisation: sp.csr_matrix | None) -> Any:
+    """1/2 u' K u of both bodies [N mm]; the seat's ``stabilisation`` is no part of its stiffness."""
+    seat = state.seat_displacement
+    energy = 0.5 * (_product(state.seat_load, seat) + _product(state.bore_load, state.bore_displacement))
+    if stabilisation is not None:
+        energy -= 0.5 * _product(seat, applied(stabilisation, seat))
+    return energy
+
+
+def _product(load: FloatArray, displacement: FloatArray) -> Any:
+    """The product of two vectors of a body's nodes; of several runs, of each."""
+    if load.ndim == 1:
+        return float(load @ displacement)
+    return np.einsum("irn,irn->r", load, displacement)
 
 
 def nothing_touches(accumulated_slip: FloatArray) -> FacetState:
@@ -146,7 +218,7 @@ def remedy(scene: Scene, state: State, failed: Step, *, cools: bool) -> str:
     return f"{steel}: {limit}" if limit else f"{shorter}, or {steel}, for plastic strain and contact did not settle"
 
 
-def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> float:
+def slip_work(before: State, after: State, moved: FloatArray, contact: ContactProblem, slip: FloatArray) -> FloatArray:
     """What a step's slip adds to its work: 1/2 sum of (tangential force after - before) . slip [N mm].
 
     Args:
@@ -156,11 +228,11 @@ def slip_work(before: State, after: State, moved: FloatArray, contact: ContactPr
         contact: which facets face each other.
         slip: of their moments [mm].
     """
-    facets, moments = contact.coupling.portions.facet, after.kind.shape[1]
-    passed = np.repeat(moved[:, None], moments, axis=1)
-    touching = after.kind[facets] != OPEN
-    passed[facets] = np.where(touching, slip.reshape(-1, moments), passed[facets])
-    return 0.5 * float(((after.shear - before.shear) * passed).sum())
+    facets = contact.coupling.portions.facet
+    passed = np.broadcast_to(moved[:, None], after.kind.shape).copy()
+    touching = after.kind[..., facets, :] != OPEN
+    passed[..., facets, :] = np.where(touching, slip.reshape(touching.shape), passed[..., facets, :])
+    return np.asarray(0.5 * ((after.shear - before.shear) * passed).sum(axis=(-2, -1)))
 
 
 def _work(before: State, steps: list[Step]) -> float:

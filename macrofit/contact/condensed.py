@@ -84,14 +84,17 @@ class Condensed:
     def respond(
         self, contact: ContactProblem, forces: FloatArray, blocks: list[Block]
     ) -> tuple[FloatArray, FloatArray]:
-        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N]."""
+        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N].
+
+        Forces (2, runs, n) give the responses (2, runs, n) and the displacements (2, runs, bore nodes).
+        """
         index = contact.covered.index
-        spread, response = np.zeros((2, 2, self._influence.shape[2]))
-        spread[:, index] = forces
+        spread, response = np.zeros((2, *forces.shape[:-1], self._influence.shape[2]))
+        spread[..., index] = forces
         for i, j, rows, columns, influence in blocks:
-            response[i, columns] += spread[j, rows] @ influence
+            response[i, ..., columns] += spread[j, ..., rows] @ influence
         bore = -_product_within(self.wheel.compliance, contact.coupling.bore.span, contact.coupling.bore_loads(forces))
-        return response[:, index] - contact.coupling.bore_moments(bore), bore
+        return response[..., index] - contact.coupling.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -116,7 +119,7 @@ class CondensedProblem:
     def __init__(self, engine: Condensed, contact: ContactProblem) -> None:
         self.engine, self.contact = engine, contact
         self._rows: dict[int, list[FloatArray]] = {}
-        self._blocks = engine.blocks(contact)
+        self.blocks = engine.blocks(contact)
         self._status: Status | None = None
         self._lu: tuple[FloatArray, IntArray] | None = None
         self._traction, self._total, self._response = np.zeros((3, 2, contact.moments))
@@ -145,7 +148,7 @@ class CondensedProblem:
         traction[1, sticking] += step[len(active) :]
         traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
         total = contact.total(traction, kappa)
-        self._response, bore = self.engine.respond(contact, contact.covered.weight * total, self._blocks)
+        self._response, bore = self.engine.respond(contact, contact.covered.weight * total, self.blocks)
         self._traction, self._total = traction, total
         trial = traction + contact.covered.gamma * contact.residual(traction, total, self._response)
         return LinearSolution(traction, trial, total, contact.kappa(bore))
@@ -159,10 +162,10 @@ class CondensedProblem:
         """Follow a change of kappa, and so of tau to ``total`` [MPa], in the rows that the next residual needs."""
         forces = self.contact.covered.weight * (total - self._total)
         for i in (0, 1) if stick else (0,):
-            rows = self._influence(i)
+            rows = self.influence(i)
             self._response[i] += forces[0] @ rows[0] + forces[1] @ rows[1]
 
-    def _influence(self, component: int) -> list[FloatArray]:
+    def influence(self, component: int) -> list[FloatArray]:
         """The influence on one component of the approaches, computed when first needed in this increment."""
         if component not in self._rows:
             self._rows[component] = self.engine.influence(self.contact, component)
@@ -190,10 +193,10 @@ class CondensedProblem:
         drag = (covered.weight * (-status.sign * friction - kappa * n_r))[active, None]
         a, k = len(active), len(sticking)
         transposed = np.empty((a + k, a + k))
-        columns, held = _span(active), _span(sticking)
+        columns, held = span(active), span(sticking)
         for i, count, rows, part in ((0, a, columns, slice(0, a)), (1, k, held, slice(a, a + k))):
             if count:
-                across, along = self._influence(i)
+                across, along = self.influence(i)
                 np.multiply(normal, across[columns][:, rows], out=transposed[:a, part])
                 transposed[:a, part] += drag * along[columns][:, rows]
                 if k:
@@ -210,9 +213,9 @@ def _chosen(matrix: FloatArray, index: IntArray, size: int) -> FloatArray:
     """matrix[index][:, index], for an ``index`` that ascends without holes where it is below ``size``."""
     whole = index < size
     out = np.empty((len(index), len(index)))
-    rows, spare = _span(np.flatnonzero(whole)), np.flatnonzero(~whole)
+    rows, spare = span(np.flatnonzero(whole)), np.flatnonzero(~whole)
     if whole.any():
-        part = _span(index[whole])
+        part = span(index[whole])
         out[rows, rows] = matrix[part, part]
     out[spare] = matrix[index[spare]][:, index]
     out[:, spare] = matrix[:, index[spare]][index]
@@ -231,15 +234,19 @@ def _product(matrix: FloatArray, load: FloatArray) -> FloatArray:
 
 
 def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:
-    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone."""
-    blocks, given = matrix.reshape(2, len(vector) // 2, 2, -1), vector.reshape(2, -1)
+    """(matrix @ vector) of two components (2 n,), for a vector that is zero outside ``span``, and there alone.
+
+    Vectors (2, runs, n) give products (2, runs, n).
+    """
+    nodes = len(matrix) // 2
+    blocks, given = matrix.reshape(2, nodes, 2, nodes), vector.reshape(2, *vector.shape[1:-1], nodes)
     out = np.zeros_like(given)
     for i, j in product((0, 1), (0, 1)):
-        out[i, span] += blocks[i, span, j, span] @ given[j, span]
-    return out.ravel()
+        out[i, ..., span] += given[j, ..., span] @ blocks[i, span, j, span].T
+    return out.reshape(vector.shape)
 
 
-def _span(index: IntArray) -> IntArray | slice:
+def span(index: IntArray) -> IntArray | slice:
     """A slice where the ascending ``index`` has no holes, so that picking it copies nothing."""
     if len(index) and int(index[-1]) - int(index[0]) + 1 == len(index):
         return slice(int(index[0]), int(index[-1]) + 1)

@@ -78,7 +78,11 @@ class EigenMoments:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactProblem:
-    """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate."""
+    """The two lines facing each other at one displacement, n moments, and how far they would interpenetrate.
+
+    Runs that differ in friction and history alone are one problem: (2, n) is (2, runs, n) then, (n,) is (runs, n), and
+    a vector of a body's nodes (2 nodes,) is (2, runs, nodes).
+    """
 
     covered: CoveredSeat
     coupling: MortarCoupling
@@ -104,7 +108,8 @@ class ContactProblem:
 
     def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
         """tau = lambda + Q (2, n)."""
-        return np.asarray(traction - traction[0] * kappa * self._axial)
+        axial = self._axial if traction.ndim == 2 else self._axial[:, None]
+        return np.asarray(traction - traction[0] * kappa * axial)
 
     def residual(self, traction: FloatArray, total: FloatArray, response: FloatArray) -> FloatArray:
         """(2, n) (trial - lambda) / gamma = g - A W tau - (lambda [+ Q]) / gamma, for the response A W tau [mm]."""
@@ -115,15 +120,16 @@ class ContactProblem:
         forces = self.covered.weight * total
         return self.covered.loads(forces), -self.coupling.bore_loads(forces)
 
-    def axial_force(self, total: FloatArray) -> float:
+    def axial_force(self, total: FloatArray) -> FloatArray:
         """Axial resultant on the axle [N]: the pushing force."""
         n_r, n_z = self.covered.normals.T
-        return float(self.covered.weight @ (total[0] * n_z + total[1] * n_r))
+        return np.asarray((total[0] * n_z + total[1] * n_r) @ self.covered.weight)
 
     def kappa(self, bore: FloatArray) -> FloatArray:
         """kappa (n,) at a displacement (2 bore nodes,) of the bore under the traction alone [mm]."""
         if not self.radial:
-            return self.coupling.axial_share_undeformed
+            share = self.coupling.axial_share_undeformed
+            return share if bore.ndim == 1 else np.tile(share, (bore.shape[1], 1))
         share = self.coupling.axial_share_undeformed + self.coupling.bore_slope(bore)
         return share if self.eigen is None else share + self.eigen.slope
 

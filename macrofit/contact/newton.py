@@ -31,14 +31,18 @@ the first facet that slip reaches by 1e-3.
 """
 
 
-class LinearProblem(Protocol):
-    """The problem that is linear once status and kappa are given: condensed or monolithic."""
-
-    contact: ContactProblem
+class Linear(Protocol):
+    """What is linear once status and kappa are given: the problem of one run, or of several in lockstep."""
 
     def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         """Traction, trial traction and kappa after one linear solve."""
         ...
+
+
+class LinearProblem(Linear, Protocol):
+    """The problem of one run: condensed or monolithic."""
+
+    contact: ContactProblem
 
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm] at the last answer."""
@@ -56,7 +60,7 @@ class Report:
     converged: bool
 
 
-def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
+def newton(problem: Linear, friction: FloatArray, status: Status, kappa: FloatArray, limit: int = 0) -> Report:
     """Iterate status -> linear solve -> status until neither status nor traction changes.
 
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
@@ -65,7 +69,7 @@ def newton(problem: LinearProblem, friction: FloatArray, status: Status, kappa: 
     the traction kappa, the change of kappa's load says more. A status that comes back is a cycle: from then on repeated
     ones change one moment at a time.
     """
-    limit = limit or 100 + len(friction)  # a front of slip or contact may move by a moment or two a step
+    limit = limit or 100 + friction.size  # a front of slip or contact may move by a moment or two a step
     before, last = None, np.inf
     seen: set[bytes] = set()
     for iteration in range(1, limit + 1):
@@ -108,7 +112,7 @@ def _one_change(status: Status, asked: Status, trial: FloatArray, friction: Floa
         return asked
     excess = np.where(changed, np.abs(trial - return_mapping(trial, friction)).max(axis=0), -1.0)
     kind, sign = status.kind.copy(), status.sign.copy()
-    one = int(np.argmax(excess))
+    one = np.unravel_index(int(np.argmax(excess)), excess.shape)
     kind[one], sign[one] = asked.kind[one], asked.sign[one]
     return Status(kind, sign)
 
@@ -118,6 +122,7 @@ def settled_status(
 ) -> StatusArray:
     """Status of each moment by its slip [mm]: one that friction holds without slip in this motion [mm] sticks."""
     asked = report.status.kind
-    unseen = RESIDUAL * float(np.abs(report.answer.traction).max(initial=0.0)) / contact.covered.gamma
+    largest = np.abs(report.answer.traction).max(axis=(0, -1), initial=0.0, keepdims=True)[0]
+    unseen = RESIDUAL * largest / contact.covered.gamma
     slips = (np.abs(slip) > np.maximum(NO_SLIP * abs(moved), unseen)) | (friction == 0.0)
     return np.where((asked == SLIP) & ~slips, STICK, asked).astype(np.int8)

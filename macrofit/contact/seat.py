@@ -40,8 +40,8 @@ class CoveredSeat:
     normals: FloatArray  # (n, 2)
 
     def seat_moments(self, displacement: FloatArray) -> FloatArray:
-        """J u (2, n) of a displacement (2 loaded nodes,) of the seat."""
-        return self._moments([rows.jump @ displacement for rows in self._rows])
+        """J u (2, n) of a displacement (2 loaded nodes,) of the seat; (2, runs, n) of (2, runs, loaded nodes)."""
+        return self._moments([applied(rows.jump, displacement) for rows in self._rows])
 
     def trial_moments(self, displacement: FloatArray) -> FloatArray:
         """(J - T / gamma) u (2, n) of a displacement (2 trace nodes,) of the axle; J u for penalty."""
@@ -53,17 +53,31 @@ class CoveredSeat:
 
     def _moments(self, values: list[FloatArray]) -> FloatArray:
         """The covered moments (2, n) among those of the whole seat and of the partly covered facets."""
-        return np.asarray(np.concatenate([part.reshape(2, -1) for part in values], axis=1)[:, self.index])
+        split = [
+            part.reshape(2, *part.shape[1:-1], len(rows.weight)) for part, rows in zip(values, self._rows, strict=True)
+        ]
+        return np.asarray(np.concatenate(split, axis=-1)[..., self.index])
 
     def loads(self, forces: FloatArray) -> FloatArray:
-        """Nodal forces (2 loaded nodes,) of forces (2, n) on the moments [N]."""
+        """Nodal forces (2 loaded nodes,) of forces (2, n) on the moments [N], (2, runs, nodes) of (2, runs, n)."""
         size = len(self.full.weight)
-        spread = np.zeros((2, size + (0 if self.partial is None else len(self.partial.weight))))
-        spread[:, self.index] = forces
-        nodal = self.full.load_transposed @ spread[:, :size].ravel()
+        spread = np.zeros((*forces.shape[:-1], size + (0 if self.partial is None else len(self.partial.weight))))
+        spread[..., self.index] = forces
+        whole, part = spread[..., :size], spread[..., size:]
+        if forces.ndim == 2:
+            whole, part = whole.ravel(), part.ravel()
+        nodal = applied(self.full.load_transposed, whole)
         if self.partial is not None:
-            nodal = nodal + self.partial.load_transposed @ spread[:, size:].ravel()
-        return np.asarray(nodal)
+            nodal = nodal + applied(self.partial.load_transposed, part)
+        return nodal
+
+
+def applied(operator: sp.csr_matrix, vectors: FloatArray) -> FloatArray:
+    """A sparse operator between components (2 n,), applied to a vector or to those (2, runs, n) of several runs."""
+    if vectors.ndim == 1:
+        return np.asarray(operator @ vectors)
+    columns = operator @ vectors.swapaxes(1, 2).reshape(operator.shape[1], -1)
+    return np.asarray(columns.reshape(2, -1, columns.shape[1]).swapaxes(1, 2))
 
 
 class Seat:

@@ -189,6 +189,7 @@ class FrictionField:
 
     def _cached(self, keys: IntArray) -> FloatArray:
         """The coefficient of each key, asking the provider for those not seen yet."""
+        self._merge()
         new = np.setdiff1d(keys, self._keys) if not self._knows(keys) else keys[:0]
         if new.size:
             unused = np.zeros(new.size)

@@ -11,15 +11,13 @@ import msgspec
 import numpy as np
 from mpi4py import MPI
 
-from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
 from ..base.ranks import made_by_first
 from ..base.toml import split_override
-from ..errors import ConvergenceError, MacrofitError, ProviderError, SceneError
+from ..errors import ProviderError, SceneError
 from ..friction import GivenFriction, ScriptFriction, load_options
-from ..monitor import Silent
 from ..scene import Scene, load_scene, with_script_friction
-from ..solve import solve
+from .curves import Derivative, ForwardModel, IdentificationError, derivative
 from .measured import Measured, check_scale, comparable
 from .shift import Offset, Tangent, best_offset, offset_at, standard_errors
 
@@ -31,6 +29,9 @@ FIRST_STEP = 0.02
 """Least distance of the second trial from the first, relative to it."""
 TOLERANCE = 1e-4
 """Step at which the value is found, relative to it or to the width of its bounds, whichever is less."""
+SHORT, EXACT = 0.05, 1e-5
+"""A step no longer than the first that is wrong by no more than the second, both relative to the same, is taken without
+a trial."""
 HALVINGS = 4
 """How often a step that the provider refuses is halved."""
 
@@ -44,10 +45,6 @@ the largest force."""
 
 Forward = Callable[[float], FloatArray]
 """Parameter -> forces [N] at the measured displacements."""
-
-
-class IdentificationError(MacrofitError):
-    """A parameter that the curve does not determine, or not within its bounds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,17 +62,26 @@ class Fit:
     trials: tuple[tuple[float, float], ...]  # values tried, with r' r [N2]
 
 
-def fit_parameter(forward: Forward, measured: FloatArray, start: float, bounds: tuple[float, float]) -> Fit:
+def fit_parameter(
+    forward: Forward,
+    measured: FloatArray,
+    start: float,
+    bounds: tuple[float, float],
+    beside: Callable[[float], float | None] = lambda value: None,
+) -> Fit:
     """The p that makes r' r least, r = measured - forward(p), by Gauss-Newton steps J' r / (J' J).
 
-    J is the secant between the two trials next to p. The second trial is where the curve would match if forces were
-    proportional to p. Its standard error is sigma (J' J)^-1/2, sigma^2 = r' r / (n - 1).
+    J is that of the parabola through the trial next to p and two others, of the secant where there are two. The last
+    step is taken without a trial where the parabola says that it is small. The second trial is one beside the first
+    whose forces are known, or where the curve would match if forces were proportional to p. The standard error is
+    sigma (J' J)^-1/2, sigma^2 = r' r / (n - 1).
 
     Args:
         forward: forces [N] at the measured places for a value of p; a ProviderError halves the step.
         measured: forces [N], shape (n,).
         start: first value.
         bounds: lowest and highest value.
+        beside: for a value, another one whose forces cost nothing; None where there is none.
 
     Raises:
         IdentificationError: p is at a bound, the curve does not depend on it, or the steps do not settle.
@@ -84,16 +90,20 @@ def fit_parameter(forward: Forward, measured: FloatArray, start: float, bounds: 
     known: dict[float, FloatArray] = {}
     best = float(np.clip(start, low, high))
     known[best] = forward(best)
-    trial = _second(best, known[best], measured, bounds)
+    trial = beside(best)
+    if trial is None or not low <= trial <= high:
+        trial = _second(best, known[best], measured, bounds)
     for _ in range(MOST_RUNS - 1):
         trial = _evaluate(forward, known, best, trial)
         best = min(known, key=lambda p: _squares(measured - known[p]))
         size = min(abs(best), high - low) or high - low
-        slope = _secant(known, best, 1e-3 * size)
-        wanted = best + float(slope @ (measured - known[best])) / float(slope @ slope)
+        found = derivative(known, best, 1e-3 * size)
+        wanted = best + float(found.slope @ (measured - known[best])) / _squares(found.slope)
         trial = float(np.clip(wanted, low, high))
         if abs(wanted - best) <= TOLERANCE * size:
-            return _report(known, best, slope, measured)
+            return _report(known, best, found.slope, measured)
+        if trial == wanted and abs(wanted - best) <= SHORT * size and _error(found, wanted - best) <= EXACT * size:
+            return _report(known, best, found.slope, measured, wanted - best)
         if trial == best:
             side = "lower" if best == low else "upper"
             raise IdentificationError(
@@ -103,6 +113,13 @@ def fit_parameter(forward: Forward, measured: FloatArray, start: float, bounds: 
         if trial in known:  # the steps go round between the same values
             trial = 0.5 * (trial + best)
     raise IdentificationError(f"no value was found in {MOST_RUNS} runs, the last was {best:g}; give narrower --bounds")
+
+
+def _error(found: Derivative, step: float) -> float:
+    """What a step is wrong by for the curve's bend; not known from two trials."""
+    if found.bend is None:
+        return np.inf
+    return step**2 * float(np.sqrt(_squares(found.bend) / _squares(found.slope)))
 
 
 def _second(first: float, forces: FloatArray, measured: FloatArray, bounds: tuple[float, float]) -> float:
@@ -131,18 +148,12 @@ def _evaluate(forward: Forward, known: dict[float, FloatArray], best: float, tri
     raise AssertionError
 
 
-def _secant(known: dict[float, FloatArray], best: float, least: float) -> FloatArray:
-    """dF/dp between the best value and the next one that is not too close for a difference."""
-    others = sorted((p for p in known if p != best), key=lambda p: abs(p - best))
-    far = [p for p in others if abs(p - best) >= least] or others
-    slope: FloatArray = (known[far[0]] - known[best]) / (far[0] - best)
-    if not slope.any():
-        raise IdentificationError("the curve does not depend on the parameter; name another with --key")
-    return slope
-
-
-def _report(known: dict[float, FloatArray], best: float, slope: FloatArray, measured: FloatArray) -> Fit:
-    residual = measured - known[best]
+def _report(
+    known: dict[float, FloatArray], best: float, slope: FloatArray, measured: FloatArray, step: float = 0.0
+) -> Fit:
+    """The fit a step beyond the best trial."""
+    fitted = known[best] + step * slope
+    residual = measured - fitted
     sigma = float(np.sqrt(_squares(residual) / (len(measured) - 1)))
     error = sigma / float(np.sqrt(slope @ slope))
     rho = neighbour_correlation(residual)
@@ -150,12 +161,12 @@ def _report(known: dict[float, FloatArray], best: float, slope: FloatArray, meas
     trials = tuple((p, _squares(measured - forces)) for p, forces in known.items())
     correlated = error * float(np.sqrt((1.0 + bounded) / (1.0 - bounded)))
     return Fit(
-        value=best,
+        value=best + step,
         standard_error=error,
         standard_error_correlated=correlated,
         correlation=rho,
         sigma=sigma,
-        fitted=known[best],
+        fitted=fitted,
         residual=residual,
         sensitivity=slope,
         trials=trials,
@@ -229,7 +240,7 @@ def identify(
     key = KEYS.get(scene.friction.provider, DEFAULT_KEY) if key is None else key
     start, (low, high) = made_by_first(comm, lambda: _start(scene, key, bounds, script))
     places = _ascending(scene)
-    model = ForwardModel(source, common, key, comm, friction)
+    model = ForwardModel(source, common, key, comm, friction, bounds=(low, high))
     search = _Search(measured, places, model, (low, high), say)
     found, shift = search.with_offset(start) if free_shift else (search.at(0.0, start), 0.0)
     at, wanted = search.points(shift)
@@ -277,9 +288,9 @@ class _Search:
         at, wanted = self.points(shift)
 
         def forward(value: float) -> FloatArray:
-            fresh = value not in self.model.known
+            first, fresh = not self.model.known, value not in self.model.known
             forces = np.interp(at, self.places, self.model.force(value))
-            if len(self.model.known) == 1:
+            if first:
                 check_scale(wanted, forces, self.measured.assumed)
             misfit = np.sqrt(np.mean((wanted - forces) ** 2))
             if fresh:
@@ -287,7 +298,7 @@ class _Search:
                 self.say(f"{self.model.key} = {value:.6g}{moved}  misfit {misfit / 1e3:.5g} kN")
             return forces
 
-        return fit_parameter(forward, wanted, start, self.bounds)
+        return fit_parameter(forward, wanted, start, self.bounds, self.model.nearest)
 
     def with_offset(self, start: float) -> tuple[Fit, float]:
         """Value and offset in turn, until neither moves.
@@ -298,7 +309,8 @@ class _Search:
         low, high = self.bounds
         first = np.interp(self.measured.displacement, self.places, self.model.force(start))
         check_scale(self.measured.force, first, self.measured.assumed)
-        self.model.force(_second(start, np.ones(1), np.ones(1), self.bounds))
+        if self.model.nearest(start) is None:
+            self.model.force(_second(start, np.ones(1), np.ones(1), self.bounds))
         offset = best_offset(self.measured, self.tangent(start))
         value = float(np.clip(start + offset.step, low, high))
         for _ in range(MOST_OFFSETS):
@@ -310,10 +322,12 @@ class _Search:
         raise IdentificationError("value and offset do not settle; leave out --free-shift and give --shift")
 
     def tangent(self, value: float) -> Tangent:
-        """The computed curve at a value that was tried."""
+        """The computed curve at a value that was tried, or a short step from one that was."""
         known, (low, high) = self.model.known, self.bounds
         size = min(abs(value), high - low) or high - low
-        return Tangent(self.places, known[value], _secant(known, value, 1e-3 * size))
+        near = min(known, key=lambda each: abs(each - value))
+        slope = derivative(known, near, 1e-3 * size).slope
+        return Tangent(self.places, known[near] + (value - near) * slope, slope)
 
     def judged(self, found: Fit, at: FloatArray) -> tuple[Fit, float]:
         """The fit with the errors that its value has beside an unknown offset, and the offset's."""
@@ -329,39 +343,6 @@ class _Search:
             return None
         offset = best_offset(self.measured, tangent)
         return offset if offset.deviation < BETTER * present else None
-
-
-class ForwardModel:
-    """Fitting curves for values of a key; bodies are factored again only where the key is one of theirs."""
-
-    def __init__(
-        self, source: str | Path, overrides: list[str], key: str, comm: MPI.Comm, friction: GivenFriction | None = None
-    ) -> None:
-        self.source, self.overrides, self.key, self.comm, self.friction = source, overrides, key, comm, friction
-        self.factorisations = 0
-        self.known: dict[float, FloatArray] = {}
-        self._assembly: Assembly | None = None
-
-    def force(self, value: float) -> FloatArray:
-        """Pushing force [N] at the scene's displacements; computed once for a value.
-
-        Raises:
-            ConvergenceError: an increment did not converge.
-        """
-        if value in self.known:
-            return self.known[value]
-        without = ["output.stress=false", "output.fields=[]", "output.frames=0", "motion.release=false"]
-        changed = [*self.overrides, *without, f"{self.key}={value!r}"]
-        scene = made_by_first(self.comm, lambda: load_scene(self.source, changed))
-        if self._assembly is None or not self._assembly.serves(scene):
-            self._assembly = assemble(scene, self.comm)
-            self.factorisations += self._assembly.work()["factorisations"]
-        solution = solve(scene, self.comm, Silent(), None, self._assembly, friction=self.friction)
-        failed = sum(not record.converged for record in solution.increments)
-        if failed:
-            raise ConvergenceError(f"{self.key} = {value:g}: {failed} increments did not converge")
-        self.known[value] = solution.force
-        return solution.force
 
 
 def _ascending(scene: Scene) -> FloatArray:

@@ -100,21 +100,17 @@ class StudyProgress:
         if already and not quiet:
             say(f"{already} of {self.total} runs are there already")
 
-    def finished(self, record: RunRecord) -> None:
-        """A run has come in."""
+    def finished(self, digest: str, told: str, behind: int = 0) -> None:
+        """A run has come in, with what is told of it, and so many more of its group that are told next."""
         self.count += 1
         now = time.monotonic()
         last = self.count == self.total
         if self.quiet or (self.total > 20 and not last and now - self._said < SAY_EVERY_S):
             return
         self._said = now
-        each = (now - self._begin) / (self.count - self.already)
+        each = (now - self._begin) / (self.count + behind - self.already)
         remaining = "" if last else f"  {duration(each * (self.total - self.count))} left"
-        force, place = record.peak
-        say(
-            f"run {self.count:{len(str(self.total))}d}/{self.total}  peak {force / 1e3:10.6g} kN at {place:.6g} mm"
-            f"  {self.labels[record.digest]}{remaining}"
-        )
+        say(f"run {self.count:{len(str(self.total))}d}/{self.total}  {told}  {self.labels[digest]}{remaining}")
 
 
 def _csv(rows: Sequence[Sequence[str]]) -> str:

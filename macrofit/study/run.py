@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -14,16 +15,19 @@ from ..assembly import BODY_KEYS, Assembly, assemble
 from ..base.farm import Stopped, deal
 from ..base.ranks import raise_together
 from ..errors import MacrofitError
+from ..lockstep.solve import Run, common_to, solve_together
 from ..monitor import Several, Silent
 from ..results.agreement import agree
 from ..run import open_folder, write_results
 from ..scene import Scene
 from ..solution import Increment, Solution
-from ..solve import solve
 from .fields import lost_fields, save_fields
 from .output import StudyProgress, open_study, run_folder, write_study
 from .plan import Plan, PlannedRun
 from .record import RunRecord, StudyFile
+
+MOST_TOGETHER = 8
+"""Runs in lockstep: what a rank has in hand, and what a study that is interrupted computes again."""
 
 
 def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, keep: bool, quiet: bool) -> list[str]:
@@ -56,28 +60,34 @@ def _compute(
         done = set(kept.records) - lost_fields(folder, held)
     done = comm.bcast(done)
     different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
-    left = [run for run in plan.runs if different[run.digest] is run and run.digest not in done]
     worker = RunWorker(plan, folder, resume=resume, keep=keep)
-    progress = StudyProgress(plan, already=len(different) - len(left), quiet=quiet or comm.rank != 0)
+    whole = groups_of([run for run in plan.runs if different[run.digest] is run], comm.size)
+    groups = [left for group in whole if (left := [run for run in group if run.digest not in done])]
+    computed = sum(len(group) for group in groups)
+    progress = StudyProgress(plan, already=len(different) - computed, quiet=quiet or comm.rank != 0)
 
-    def accept(record: RunRecord) -> None:
+    def accept(records: list[RunRecord]) -> None:
         assert kept is not None
-        kept.append(record)
-        progress.finished(record)
+        for behind, record in zip(reversed(range(len(records))), records, strict=True):
+            kept.append(record)
+            force, place = record.peak
+            progress.finished(record.digest, f"peak {force / 1e3:10.6g} kN at {place:.6g} mm", behind)
 
-    deal(sorted_by_bodies(left), comm, worker.run, accept)
+    deal(groups, comm, worker.run, accept)
+    with raise_together(comm):
+        worker.check()
     costs = comm.gather((worker.factorisations, worker.assemblies, worker.cpu_s))
     lines: list[str] = []
     with raise_together(comm):
         if kept is not None:
             assert costs is not None
             records = [kept.records[run.digest] for run in plan.runs]
-            lines = write_study(folder, plan, records, computed=len(left), costs=costs)
+            lines = write_study(folder, plan, records, computed=computed, costs=costs)
     return lines
 
 
 class RunWorker:
-    """What one rank computes runs with: the assembly of the last one, used again as long as the bodies are the same."""
+    """What one rank computes runs with: the last assembly, used again as long as the bodies are the same."""
 
     def __init__(self, plan: Plan, folder: Path, *, resume: bool = False, keep: bool = False) -> None:
         self.plan = plan
@@ -85,25 +95,63 @@ class RunWorker:
         self.factorisations = self.assemblies = 0
         self.cpu_s = 0.0  # of assembling
         self._assembly: Assembly | None = None
+        self._error: MacrofitError | None = None
 
-    def run(self, run: PlannedRun, poll: Callable[[], None]) -> RunRecord:
-        """Compute one run.
+    def run(self, group: Sequence[PlannedRun], poll: Callable[[], None]) -> list[RunRecord]:
+        """Compute the runs of a group, in lockstep where there are several.
 
         Raises:
-            MacrofitError: what ended it, with the run's name.
+            MacrofitError: what ended a run, with its name. Where others of its group were finished they are given
+                first, and the next call raises it, or `check`.
         """
+        self.check()
+        with naming(group[0]):
+            assembly = self.assembly(group[0].scene)
+        with ExitStack() as stack:
+            tasks = [self._task(run, poll, stack) for run in group]
+            began = time.process_time()
+            solutions = solve_together(tasks, MPI.COMM_SELF, assembly)
+            cpu_s = (time.process_time() - began) / len(group)
+            records = [self._record(*each, cpu_s) for each in zip(group, tasks, solutions, strict=True)]
+        finished = [record for record in records if record is not None]
+        if not finished:
+            self.check()
+        return finished
+
+    def check(self) -> None:
+        """Raise the error that ended a run, if there was one."""
+        if self._error is not None:
+            raise self._error
+
+    def _task(self, run: PlannedRun, poll: Callable[[], None], stack: ExitStack) -> Run:
+        """A run as `solve_together` takes it, with its folder where that is kept."""
+        friction = self.plan.friction_of(run.scene)
+        if not self.keep:
+            return Run(scene=without_fields(run.scene), monitor=Polling(poll), friction=friction)
+        target = run_folder(self.folder, run)
         with naming(run):
-            assembly = self.assembly(run.scene)
-            begin = time.process_time()
-            if self.keep:
-                solution = self._with_folder(run, assembly, poll, run_folder(self.folder, run))
-            else:
-                scene, friction = without_fields(run.scene), self.plan.friction_of(run.scene)
-                solution = solve(scene, MPI.COMM_SELF, Polling(poll), None, assembly, friction=friction)
-            self.factorisations += solution.counters["factorisations"]
-            if asks_for_fields(run.scene):
-                save_fields(self.folder, run.digest, solution)
-            return RunRecord.of(run.digest, solution, time.process_time() - begin)
+            target.parent.mkdir(exist_ok=True)
+            journal, curve = open_folder(target, run.scene, resume=self.resume)
+        stack.enter_context(journal)
+        return Run(scene=run.scene, monitor=Several(curve, Polling(poll)), journal=journal, friction=friction)
+
+    def _record(self, run: PlannedRun, task: Run, solution: Solution | MacrofitError, cpu_s: float) -> RunRecord | None:
+        """What is kept of a solution, once its files are written; None of a run that failed."""
+        try:
+            with naming(run):
+                if isinstance(solution, MacrofitError):
+                    raise solution
+                began = time.process_time()
+                if self.keep:
+                    target = run_folder(self.folder, run)
+                    write_results(target, solution, task.friction, standard=self.plan.standard)
+                if asks_for_fields(run.scene):
+                    save_fields(self.folder, run.digest, solution)
+        except MacrofitError as error:
+            self._error = self._error or error
+            return None
+        self.factorisations += solution.counters["factorisations"]
+        return RunRecord.of(run.digest, solution, cpu_s + time.process_time() - began)
 
     def assembly(self, scene: Scene) -> Assembly:
         """The factored bodies of a scene."""
@@ -115,15 +163,6 @@ class RunWorker:
             self.factorisations += self._assembly.work()["factorisations"]
             self.cpu_s += time.process_time() - begin
         return self._assembly
-
-    def _with_folder(self, run: PlannedRun, assembly: Assembly, poll: Callable[[], None], target: Path) -> Solution:
-        target.parent.mkdir(exist_ok=True)
-        journal, curve = open_folder(target, run.scene, resume=self.resume)
-        watching, friction = Several(curve, Polling(poll)), self.plan.friction_of(run.scene)
-        with journal:
-            solution = solve(run.scene, MPI.COMM_SELF, watching, journal, assembly, friction=friction)
-            write_results(target, solution, friction, standard=self.plan.standard)
-        return solution
 
 
 class Polling(Silent):
@@ -160,10 +199,29 @@ def without_fields(scene: Scene) -> Scene:
     return msgspec.structs.replace(scene, output=msgspec.structs.replace(scene.output, fields=(), frames=0))
 
 
-def sorted_by_bodies(runs: list[PlannedRun]) -> list[PlannedRun]:
-    """Runs of the same bodies one after the other, so that each body is factored once."""
-    groups: dict[bytes, list[PlannedRun]] = {}
+def groups_of(runs: Sequence[PlannedRun], ranks: int) -> list[list[PlannedRun]]:
+    """Runs that one rank computes in lockstep; those of the same bodies one after the other.
+
+    They are at most `MOST_TOGETHER`, and so few that every rank has some. They do not depend on what is done already:
+    a study that was interrupted goes on with the same groups, and so with the same bits.
+    """
+    most = min(MOST_TOGETHER, -(-len(runs) // ranks))
+    bodies: dict[bytes, dict[bytes, list[PlannedRun]]] = {}
     for run in runs:
-        bodies = msgspec.json.encode([getattr(run.scene, key) for key in BODY_KEYS], order="deterministic")
-        groups.setdefault(bodies, []).append(run)
-    return [run for group in groups.values() for run in group]
+        bodies.setdefault(bodies_of(run.scene), {}).setdefault(common_to(run.scene) or run.digest.encode(), []).append(
+            run
+        )
+    together = [group for groups in bodies.values() for group in groups.values()]
+    return [[*part] for group in together for part in evenly(group, most)]
+
+
+def bodies_of(scene: Scene) -> bytes:
+    """What scenes that share their factored bodies have in common."""
+    return msgspec.json.encode([getattr(scene, key) for key in BODY_KEYS], order="deterministic")
+
+
+def evenly(group: Sequence[PlannedRun], most: int) -> Iterator[Sequence[PlannedRun]]:
+    """As few parts of at most ``most`` as there can be, of sizes that differ by one at most."""
+    parts = -(-len(group) // most)
+    ends = [len(group) * part // parts for part in range(parts + 1)]
+    return (group[first:last] for first, last in pairwise(ends))

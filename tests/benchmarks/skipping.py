@@ -48,7 +48,8 @@ QUICK = {
 PACKAGES = (
     "gmsh", "meshio", "rich", "h5py", "matplotlib", "numba", "torch", "safetensors", "pandas", "meso", "surrogate",
     "macrofit.plasticity.kernels", "macrofit.report",
-    "macrofit.contact.monolithic", "macrofit.study.run", "macrofit.identify.fit", "macrofit.friction.table",
+    "macrofit.contact.monolithic", "macrofit.lockstep.solve", "macrofit.study.run", "macrofit.identify.fit",
+    "macrofit.friction.table",
 )  # fmt: skip
 RULES = {
     "meshes": "one per drawn body",

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ...base.files import remove_drafts, write_json, write_text, writing
-from ...base.progress import duration, printable, say
+from ...base.progress import printable
 from ...errors import OutputError
 from ...results.doubts import doubtful_lines
 from ...results.folder import prepare
@@ -23,7 +22,6 @@ from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study,
 STUDY_FILE, ROWS, TOTALS, FIGURE, RUNS = (
     "service-study.bin", "service-study.csv", "service-study.json", "service-study.png", "runs"
 )  # fmt: skip
-SAY_EVERY_S = 2.0
 SHOWN = {
     "friction_work_N_mm": ("Friction work", 1e-3, "J"),
     "front_slip_range_mm": ("Front slip", 1e3, "um"),
@@ -65,29 +63,10 @@ def run_folder(folder: Path, run: PlannedRun) -> Path:
     return folder / RUNS / f"{run.number:04d}"
 
 
-class ServiceProgress:
-    """One line per finished run, at most every SAY_EVERY_S where there are many; with the time left."""
-
-    def __init__(self, plan: Plan, *, already: int, quiet: bool) -> None:
-        self.labels = {run.digest: run.label for run in plan.runs}
-        self.total, self.count, self.already, self.quiet = len(self.labels), already, already, quiet
-        self._begin, self._said = time.monotonic(), 0.0
-        if already and not quiet:
-            say(f"{already} of {self.total} runs are there already")
-
-    def finished(self, record: ServiceRecord) -> None:
-        """A run has come in."""
-        self.count += 1
-        now = time.monotonic()
-        last = self.count == self.total
-        if self.quiet or (self.total > 20 and not last and now - self._said < SAY_EVERY_S):
-            return
-        self._said = now
-        each = (now - self._begin) / (self.count - self.already)
-        remaining = "" if last else f"  {duration(each * (self.total - self.count))} left"
-        work = record.values["friction_work_N_mm"]
-        told = "ended early" if work is None else f"friction work {1e-3 * work:8.4g} J"
-        say(f"run {self.count:{len(str(self.total))}d}/{self.total}  {told}  {self.labels[record.digest]}{remaining}")
+def told_of(record: ServiceRecord) -> str:
+    """What is said of a run when it has come in."""
+    work = record.values["friction_work_N_mm"]
+    return "ended early" if work is None else f"friction work {1e-3 * work:8.4g} J"
 
 
 def write_service_study(folder: Path, plan: Plan, records: Sequence[ServiceRecord]) -> list[str]:

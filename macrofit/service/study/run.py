@@ -12,13 +12,14 @@ from ...base.farm import deal
 from ...base.ranks import raise_together
 from ...errors import ConvergenceError
 from ...results.agreement import agree
+from ...study.output import StudyProgress
 from ...study.plan import Plan, PlannedRun
-from ...study.run import RunWorker, naming, sorted_by_bodies
+from ...study.run import RunWorker, bodies_of, naming
 from ..journal import Kept
 from ..output.numbers import numbers
 from ..output.write import write_service
 from ..run import Course, Service, Shared
-from .output import ServiceProgress, open_service_study, run_folder, write_service_study
+from .output import open_service_study, run_folder, told_of, write_service_study
 from .record import ServiceRecord, ServiceStudyFile, record_of
 
 
@@ -51,14 +52,17 @@ def _compute(
     done = comm.bcast(set() if kept is None else set(kept.records))
     different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
     left = [run for run in plan.runs if different[run.digest] is run and run.digest not in done]
-    progress = ServiceProgress(plan, already=len(different) - len(left), quiet=quiet or comm.rank != 0)
+    progress = StudyProgress(plan, already=len(different) - len(left), quiet=quiet or comm.rank != 0)
 
     def accept(record: ServiceRecord) -> None:
         assert kept is not None
         kept.append(record)
-        progress.finished(record)
+        progress.finished(record.digest, told_of(record))
 
-    deal(sorted_by_bodies(left), comm, ServiceWorker(plan, folder, keep=keep).run, accept)
+    alike: dict[bytes, list[PlannedRun]] = {}  # one after the other, so that each body is factored once
+    for run in left:
+        alike.setdefault(bodies_of(run.scene), []).append(run)
+    deal([run for runs in alike.values() for run in runs], comm, ServiceWorker(plan, folder, keep=keep).run, accept)
     lines: list[str] = []
     with raise_together(comm):
         if kept is not None:

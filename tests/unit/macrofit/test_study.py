@@ -191,7 +191,7 @@ def test_an_assembly_of_other_bodies_is_refused():
 
 
 def test_a_row_has_the_numbers_of_a_run(scene_file):
-    """To the bit: study.csv and curves.csv against summary.json and fitting_curve.csv of `macrofit run`."""
+    """To 1e-9: study.csv and curves.csv against summary.json and fitting_curve.csv of `macrofit run`."""
     arguments = (*RIPPLED, "--vary", f"{SEED}=1:3", "--reference", "uniform=0.11")
     shown = macrofit("study", scene_file, *arguments, "-o", "out")
     assert shown.exit_code == 0, shown.stderr
@@ -202,22 +202,23 @@ def test_a_row_has_the_numbers_of_a_run(scene_file):
         provider = () if number == 1 else RIPPLED
         assert macrofit("run", scene_file, *provider, "--set", override, "-o", "single").exit_code == 0
         summary, row = json.loads(Path("single/summary.json").read_text()), table[number - 1]
-        assert float(row["peak_force_N"]) == summary["peak_force_N"]
+        assert float(row["peak_force_N"]) == pytest.approx(summary["peak_force_N"], rel=1e-9)
         assert float(row["peak_force_displacement_mm"]) == summary["peak_force_displacement_mm"]
-        assert float(row["final_force_N"]) == summary["final_force_N"]
+        assert float(row["final_force_N"]) == pytest.approx(summary["final_force_N"], rel=1e-9)
         failed = [check["name"] for check in summary["verdict"]["checks"] if check["result"] == "fail"]
         assert (row["verdict"], row["refused_for"]) == (summary["verdict"]["word"], " ".join(failed))
         assert totals(Path("out"))["verdicts"]["refused_for"].get(str(number), []) == failed
         for body in ("axle", "wheel"):
             at = summary["max_von_mises_MPa"][body]
-            assert float(row[f"{body}_max_von_mises_MPa"]) == at["value"]
+            assert float(row[f"{body}_max_von_mises_MPa"]) == pytest.approx(at["value"], rel=1e-9)
             for name in ("r_mm", "z_mm", "displacement_mm"):
                 assert float(row[f"{body}_{name}"]) == at[name]
-        for name in ("newton_iterations", "pairs_asked", "provider_calls"):
+        for name in ("pairs_asked", "provider_calls"):
             assert int(row[name]) == summary["counters"][name]
         s, force = read_curve(Path("single"))
         assert [float(line[0]) for line in curves[1:]] == s.tolist()
-        assert [float(line[number]) for line in curves[1:]] == force.tolist()
+        found = np.array([float(line[number]) for line in curves[1:]])
+        assert found == pytest.approx(force, abs=1e-9 * force.max())
     assert sum(totals(Path("out"))["verdicts"]["runs"].values()) == 4
     assert "Verdict         EN 13260: 4 " in shown.stdout
     assert totals(Path("out"))["factorisations_per_rank"] == [summary["counters"]["factorisations"]]
@@ -334,7 +335,10 @@ def test_fields_that_are_damaged_or_gone_are_computed_again(scene_file, spoil):
     again = macrofit("study", scene_file, *vary, "-o", "out", "--resume")
     assert again.exit_code == 0, again.stderr
     assert ("damaged" in again.stderr) == (spoil is not None)
-    assert len(first.read_bytes()) == len(whole)
+    Path("whole.npz").write_bytes(whole)
+    with np.load("whole.npz") as before, np.load(first) as after:  # alone now, in lockstep with the other before
+        for name, values in before.items():
+            assert after[name] == pytest.approx(values, rel=1e-9, abs=1e-6)
     assert second.stat().st_mtime_ns == other
 
 
@@ -357,16 +361,16 @@ def test_a_failing_run_keeps_what_is_done_and_is_continued(scene_file):
     assert not Path("out/study.json").exists()
     again = macrofit("study", scene_file, *arguments, "--set", "friction.options.fail_at=3")
     assert again.exit_code == 2
-    assert "holds an unfinished study with 2 of these runs" in again.stderr
+    assert "holds an unfinished study with 3 of these runs" in again.stderr  # the others of its group went on
     other = macrofit("study", scene_file, *arguments, "--set", "motion.travel=30")  # another study replaces it
     assert other.exit_code == 0, other.stderr
     assert totals(Path("out"))["computed_runs"] == 4
 
 
 def test_resume_after_a_kill(scene_file):
-    """A process killed in its third run: the two finished ones are not computed again, and the bits are the same."""
-    arguments = ["study", str(scene_file), *RIPPLED, "--vary", f"{SEED}=1:4"]
-    kill = ["--set", "friction.options.kill_at=3"]
+    """A process killed in its second group: the first one is not computed again, and the bits are the same."""
+    arguments = ["study", str(scene_file), *RIPPLED, "--set", "output.stress=false", "--vary", f"{SEED}=1:10"]
+    kill = ["--set", "friction.options.kill_at=7"]
     done = subprocess.run([sys.executable, PROGRAM, *arguments, *kill, "-o", "out"], capture_output=True, text=True)
     assert done.returncode == -9, done.stderr
     with Path("out/study.bin").open("ab") as file:
@@ -382,15 +386,15 @@ def test_resume_after_a_kill(scene_file):
         patch.setattr(rippled.Rippled, "coefficients", counting)
         shown = macrofit(*arguments, *kill, "--resume", "-o", "out")
     assert shown.exit_code == 0, shown.stderr
-    assert shown.stdout.splitlines()[1] == "2 of 4 runs are there already"
-    assert set(asked) == {3, 4}
-    assert totals(Path("out"))["resumed_runs"] == 2
+    assert shown.stdout.splitlines()[1] == "5 of 10 runs are there already"
+    assert set(asked) == {6, 7, 8, 9, 10}
+    assert totals(Path("out"))["resumed_runs"] == 5
     assert macrofit(*arguments, "-o", "fresh").exit_code == 0
     assert apart_from_time(Path("out")) == apart_from_time(Path("fresh"))
     assert Path("out/curves.csv").read_text() == Path("fresh/curves.csv").read_text()
     again = macrofit(*arguments, *kill, "--resume", "-o", "out", "--quiet")  # the torn record is out of the way
     assert again.exit_code == 0, again.stderr
-    assert totals(Path("out"))["resumed_runs"] == 4
+    assert totals(Path("out"))["resumed_runs"] == 10
 
 
 def test_a_changed_table_is_computed_again(scene_file, tmp_path):
@@ -456,8 +460,8 @@ def test_a_law_of_a_script_is_studied(scene_file):
         "study", scene_file, *RIPPLED, "--set", "output.stress=false", "--vary", f"{SEED}=1,2", "-o", "n"
     )
     assert by_name.exit_code == 0
-    forces = [[row["peak_force_N"] for row in rows(Path(folder))][-2:] for folder in ("out", "n")]
-    assert forces[0] == forces[1]
+    forces = [[float(row["peak_force_N"]) for row in rows(Path(folder))][-2:] for folder in ("out", "n")]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
     assert study(Stated, resume=True) == (0, 3)
     Stated.digest = "2"
     assert study(Stated, resume=True) == (2, 1)

@@ -1,0 +1,237 @@
+"""Runs in lockstep are the runs by themselves: forces to 1e-9 of the largest, the status of every facet the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rippled
+from mpi4py import MPI
+from small import YIELDING, small_path, small_press
+
+from macrofit.assembly import assemble
+from macrofit.contact.status import OPEN, SLIP, STICK
+from macrofit.errors import MacrofitError, ProviderError
+from macrofit.friction import registry
+from macrofit.identify.curves import ForwardModel, derivative
+from macrofit.lockstep import group
+from macrofit.lockstep.solve import Run, common_to, solve_together
+from macrofit.monitor import Silent
+from macrofit.results.journal import Journal
+from macrofit.scene import Scene, dump_scene, load_scene
+from macrofit.solution import Solution
+from macrofit.solve import solve
+
+COEFFICIENT = "friction.options.coefficient"
+COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
+RIPPLED = ("friction.provider=rippled",)
+TURNING = (15.0, 25.0, 40.0, 39.99, 39.96, 39.9, 39.7, 20.0, 30.0)
+"""Pushed, pulled back a little and a lot, pushed again [mm]."""
+NEAR = 1e-9
+"""Of the largest force: ten times what Newton's method leaves of the traction."""
+
+
+@pytest.fixture(autouse=True)
+def _rippled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry.BUILT_IN, "rippled", rippled.ENTRY)
+
+
+def together(scenes: Sequence[Scene]) -> list[Solution]:
+    """All of them in lockstep."""
+    assert len({common_to(scene) for scene in scenes}) == 1
+    assert common_to(scenes[0]) is not None
+    runs = [Run(scene=scene, monitor=Silent()) for scene in scenes]
+    found = solve_together(runs, MPI.COMM_SELF, assemble(scenes[0], MPI.COMM_SELF))
+    return [each for each in found if isinstance(each, Solution)]
+
+
+def alone(scenes: Sequence[Scene]) -> list[Solution]:
+    """Each by itself."""
+    assembly = assemble(scenes[0], MPI.COMM_SELF)
+    return [solve(scene, MPI.COMM_SELF, assembly=assembly) for scene in scenes]
+
+
+def assert_same(found: Sequence[Solution], wanted: Sequence[Solution]) -> None:
+    """Forces, pressures and slip to 1e-9 of the largest; the status of every facet; the balances."""
+    for own, other in zip(found, wanted, strict=True):
+        scale = max(np.abs(other.force).max(), max(each.normal_force for each in other.increments))
+        assert own.force == pytest.approx(other.force, abs=NEAR * scale)
+        assert own.energy_balance == pytest.approx(other.energy_balance, abs=1e-7)
+        most = max(each.max_pressure for each in other.increments)
+        for one, two in zip(own.increments, other.increments, strict=True):
+            assert one.converged
+            assert (one.facets.status == two.facets.status).all()
+            assert one.facets.pressure == pytest.approx(two.facets.pressure, abs=1e-7 * most)
+            assert one.facets.accumulated_slip == pytest.approx(two.facets.accumulated_slip, abs=1e-8)
+            assert one.facets.friction == pytest.approx(two.facets.friction, abs=1e-15)
+            assert one.strain_energy == pytest.approx(two.strain_energy, rel=1e-8, abs=1e-6)
+            assert one.work == pytest.approx(two.work, rel=1e-7, abs=1e-3)
+
+
+def with_coefficients(path: Sequence[float], *overrides: str) -> list[Scene]:
+    return [small_path(path, *overrides, f"{COEFFICIENT}={value}") for value in COEFFICIENTS]
+
+
+def factorisations(found: Sequence[Solution]) -> int:
+    """LU factors of interface matrices, of all runs."""
+    return sum(solution.counters["interface_factorisations"] for solution in found)
+
+
+def differing(found: Sequence[Solution], kind: int) -> int:
+    """Increments in which this status is on other facets in one run than in another."""
+    return sum(
+        len({(each.facets.status == kind).tobytes() for each in same}) > 1
+        for same in zip(*(solution.increments for solution in found), strict=True)
+    )
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [(), ("mesh.order=1",), ("contact.theta=1",), ("contact.theta=-1",), ("contact.formulation=penalty",)],
+    ids=lambda each: " ".join(each) or "default",
+)
+def test_five_coefficients(overrides: tuple[str, ...]) -> None:
+    """From none to 0.6, along a path that turns: other facets stick in one run than in another."""
+    scenes = with_coefficients(TURNING, *overrides)
+    found, wanted = together(scenes), alone(scenes)
+    assert_same(found, wanted)
+    assert factorisations(found) < factorisations(wanted)  # they were not solved again, each by itself
+    for kind in (STICK, SLIP):
+        assert differing(found, kind) >= 2, kind
+
+
+def test_what_opens_differs_from_run_to_run() -> None:
+    """On facets of 1 mm the front of the contact is elsewhere where friction pulls the bore in."""
+    fine = ("mesh.seat_facet=1", "mesh.bore_facet=1.3", "motion.start=0", "motion.travel=24", "motion.increment=3")
+    scenes = [small_press(*fine, f"{COEFFICIENT}={value}") for value in COEFFICIENTS]
+    found = together(scenes)
+    assert_same(found, alone(scenes))
+    assert differing(found, OPEN) >= 1
+
+
+def test_five_surfaces() -> None:
+    """Coefficients that differ from tile to tile, by run: 30 % either way."""
+    scenes = [small_press(*RIPPLED, f"friction.options.seed={seed}") for seed in range(1, 6)]
+    found = together(scenes)
+    assert_same(found, alone(scenes))
+    assert len({solution.force[-1] for solution in found}) == 5
+
+
+@pytest.mark.parametrize("overrides", [("motion.release=true",), ("wheel.temperature=120", "motion.cooling=4")])
+def test_what_a_press_does_in_its_own_way(overrides: tuple[str, ...]) -> None:
+    """A press that lets go and a wheel that cools are solved run by run, between increments in lockstep."""
+    scenes = [small_press(*overrides, f"{COEFFICIENT}={value}") for value in (0.07, 0.11, 0.2)]
+    assert_same(together(scenes), alone(scenes))
+
+
+@pytest.mark.parametrize("name", ["hertz-sphere", "push-out", "contact-patch", "lame-rings"])
+def test_other_scenes(name: str) -> None:
+    """A gap along the axis, a front of slip, a fit in place: sixty moments and more change their status."""
+    changes = ("output.stress=false", "output.fields_at=[]")
+    scenes = [load_scene(name, [*changes, f"{COEFFICIENT}={value}"]) for value in (0.05, 0.11, 0.3)]
+    assert_same(together(scenes), alone(scenes))
+
+
+def test_factors_are_shared() -> None:
+    """The counter of LU factors: of five runs fewer than two runs need, and counted with the first of them."""
+    values = (0.09, 0.1, 0.11, 0.12, 0.13)
+    scenes = [small_press("motion.start=0", f"{COEFFICIENT}={value}") for value in values]
+    name = "interface_factorisations"
+    shared = [solution.counters[name] for solution in together(scenes)]
+    each = [solution.counters[name] for solution in alone(scenes)]
+    assert 0 < sum(shared) < 2 * min(each)
+    assert shared[1:] == [0] * 4
+
+
+def test_runs_that_do_not_converge_together_are_solved_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = with_coefficients(TURNING[:4])
+    wanted, real, asked = alone(scenes), group.newton, []
+
+    def failing(*arguments):  # type: ignore[no-untyped-def]
+        asked.append(1)
+        return replace(real(*arguments), converged=False)
+
+    monkeypatch.setattr(group, "newton", failing)
+    found = together(scenes)
+    assert len(asked) == 3
+    assert [own.force.tolist() for own in found] == [other.force.tolist() for other in wanted]  # to the bit
+
+
+def test_a_run_that_fails_ends_alone() -> None:
+    """The provider of the second run of three fails half way: the others are what they are without it."""
+    scenes = [
+        small_press(*RIPPLED, f"friction.options.seed={seed}", "friction.options.fail_at=2") for seed in (1, 2, 3)
+    ]
+    runs = [Run(scene=scene, monitor=Silent()) for scene in scenes]
+    found = solve_together(runs, MPI.COMM_SELF, assemble(scenes[0], MPI.COMM_SELF))
+    assert isinstance(found[1], ProviderError)
+    assert "no such surface" in str(found[1])
+    left = [each for each in found if isinstance(each, Solution)]
+    assert_same(left, alone([scenes[0], scenes[2]]))
+
+
+def test_journals_of_different_lengths_are_resumed(tmp_path: Path) -> None:
+    """One run was killed after two increments, one after five, one did not begin: they meet again."""
+    scenes = [small_press(f"{COEFFICIENT}={value}") for value in (0.07, 0.11, 0.2)]
+    wanted = alone(scenes)
+    paths = [tmp_path / f"{number}.bin" for number in range(3)]
+    for scene, path, kept in zip(scenes, paths, (2, 5, 0), strict=True):
+        short = small_path(scene.displacements[:kept], f"{COEFFICIENT}={scene.friction.options['coefficient']}")
+        whole = Journal.start(path, scene, replace=True)
+        with whole:
+            if kept:
+                solve(short, MPI.COMM_SELF, journal=whole)
+    journals = [Journal.resume(path, scene) for path, scene in zip(paths, scenes, strict=True)]
+    runs = [
+        Run(scene=scene, monitor=Silent(), journal=journal) for scene, journal in zip(scenes, journals, strict=True)
+    ]
+    found = solve_together(runs, MPI.COMM_SELF, assemble(scenes[0], MPI.COMM_SELF))
+    for journal in journals:
+        journal.close()
+    assert_same([each for each in found if isinstance(each, Solution)], wanted)
+
+
+def test_what_goes_together() -> None:
+    """Friction and output may differ; bodies, motion, steel that yields and the monolithic solver may not."""
+    own = common_to(small_press())
+    assert own == common_to(small_press(f"{COEFFICIENT}=0.3", "output.stress=true"))
+    assert own != common_to(small_press("motion.increment=2"))
+    assert own != common_to(small_press("wheel.bore_radius=94.8"))
+    assert common_to(small_press(*YIELDING)) is None
+    assert common_to(small_press("solver=monolithic")) is None
+
+
+def test_the_derivative_is_that_of_finite_differences(tmp_path: Path) -> None:
+    """dF/dp of the first pair against central differences of runs by themselves: 1e-3, of the forward step of 1 %."""
+    path = tmp_path / "small.toml"
+    path.write_text(dump_scene(small_press(*RIPPLED)))
+    key, value = "friction.options.micro_friction", 0.06
+    model = ForwardModel(path, [], key, MPI.COMM_SELF, bounds=(0.0, 0.5))
+    model.force(value)
+    assert len(model.known) == 2
+    assert model.factorisations == 2
+    low, high = alone([small_press(*RIPPLED, f"{key}={value + step}") for step in (-1e-4, 1e-4)])
+    central = (high.force - low.force) / 2e-4
+    assert derivative(model.known, value, 1e-5).slope == pytest.approx(central, abs=1e-3 * np.abs(central).max())
+    model.force(0.075)  # with a third curve the parabola is nearer by two orders
+    exact = derivative(model.known, value, 1e-5)
+    assert exact.slope == pytest.approx(central, abs=2e-5 * np.abs(central).max())
+    assert exact.bend is not None
+
+
+def test_a_first_value_that_fails_is_an_error(tmp_path: Path) -> None:
+    """That of the value beside it is not: the first curve alone is known then."""
+    path = tmp_path / "small.toml"
+    path.write_text(dump_scene(small_press(*RIPPLED)))
+    seeded = ForwardModel(path, ["friction.options.fail_at=1"], "friction.options.micro_friction", MPI.COMM_SELF,
+                          bounds=(0.0, 0.5))  # fmt: skip
+    with pytest.raises(MacrofitError, match="no such surface"):
+        seeded.force(0.06)
+    uniform = tmp_path / "uniform.toml"
+    uniform.write_text(dump_scene(small_press()))
+    edge = ForwardModel(uniform, [], COEFFICIENT, MPI.COMM_SELF, bounds=(0.0, 3.0))
+    edge.force(1.99)  # 2.0099 is no coefficient of friction
+    assert len(edge.known) == 1
