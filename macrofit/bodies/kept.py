@@ -126,7 +126,7 @@ def _mesher() -> str:
         return ""
     own = Path(os.environ.get("GMSH_HOME") or os.path.expanduser("~"))
     files = [Path(found.origin), own / ".gmshrc", own / ".gmsh-options"]
-    files += [Path(__file__).with_name(name) for name in ("mesh.py", "triangles.py")]
+    files += [Path(__file__).with_name(name) for name in ("mesh.py", "triangles.py", Path(__file__).name)]
     digest = hashlib.sha256()
     for file in files:
         with suppress(OSError):
