@@ -33,8 +33,9 @@ from macrofit.monitor import Silent
 from macrofit.scene import Scene, load_scene
 from macrofit.solution import Solution
 from macrofit.solve import solve
+from tests.launcher import launcher_environment
 
-from ._measure import head, row, under_mpirun
+from ._measure import head, row
 from .startup import Command
 from .startup import started as command_cost
 
@@ -145,7 +146,7 @@ def surfaces(seeds: int, *overrides: str) -> None:
         command = ["study", "wheelset", *words, "--vary", f"friction.options.seed=1:{seeds}", "-o", f"{folder}/out"]
         subprocess.run(
             ["mpirun", "-n", "2", sys.executable, "-m", "macrofit", *command, "--quiet"],
-            cwd=ROOT, env=under_mpirun(), check=True,
+            cwd=ROOT, env=launcher_environment(), check=True,
         )  # fmt: skip
     print(f"\n{seeds} surfaces on two ranks: {time.perf_counter() - begun:.0f} s on the clock.")
 
