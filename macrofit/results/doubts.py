@@ -151,12 +151,17 @@ def _held(solution: Solution) -> Iterator[str]:
 def _large_strain(solution: Solution) -> Iterator[str]:
     """Flow beyond small strain theory; of which body is known where stresses were asked for."""
     most = max((record.plastic_strain for record in solution.increments), default=0.0)
-    if not most <= LARGE_STRAIN:  # so that NaN is doubtful
-        flowed = [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN]
-        yield (
-            f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
-            f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
-        )
+    yield from large_strain(most, [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN])
+
+
+def large_strain(most: float, flowed: Sequence[str] = ()) -> list[str]:
+    """A sentence where the largest plastic strain of bodies of these names is beyond small strain theory."""
+    if most <= LARGE_STRAIN:  # NaN is doubtful
+        return []
+    return [
+        f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
+        f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
+    ]
 
 
 def _facets(solution: Solution) -> Iterator[str]:
