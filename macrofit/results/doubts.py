@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,17 @@ def doubts(solution: Solution) -> list[str]:
 def doubtful_lines(sentences: Sequence[str]) -> list[str]:
     """The lines that say so, for people."""
     return [f"{DOUBTFUL}: {sentence}" for sentence in sentences]
+
+
+def doubtful_runs(runs: Sequence[Sequence[str]]) -> list[str]:
+    """A line for each kind of doubt about several runs, with how many have it and the first of its sentences."""
+    first: dict[str, str] = {}
+    count: Counter[str] = Counter()
+    for sentences in runs:
+        kinds = {sentence.partition(":")[0]: sentence for sentence in sentences}
+        count.update(kinds.keys())
+        first = kinds | first
+    return doubtful_lines([f"{count[kind]} of {len(runs)} runs, {first[kind]}" for kind in count])
 
 
 def allow_none(sentences: Sequence[str], folder: object) -> None:
