@@ -152,9 +152,7 @@ def study(
 
         def planned() -> Plan:
             if service and standard is not None:
-                raise StandardError(
-                    f"--standard: {standard} judges presses, not their service; leave it out"
-                )
+                raise StandardError(f"--standard: {standard} judges presses, not their service; leave it out")
             return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
 
         plan = made_by_first(comm, planned)
