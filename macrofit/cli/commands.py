@@ -146,10 +146,13 @@ def study(
     comm, target = MPI.COMM_WORLD, folder or Path(f"{Path(scene).stem}-study")
     with ending(comm, target):
         from ..base.ranks import made_by_first
+        from ..errors import StandardError
         from ..study.plan import Plan, plan_study
         from ..study.run import carry_out_study
 
         def planned() -> Plan:
+            if service and standard is not None:
+                raise StandardError(f"--standard: {standard} judges presses, not their service; leave it out")
             return plan_study(scene, vary, overrides, references, standard=asked_standard(standard))
 
         plan = made_by_first(comm, planned)

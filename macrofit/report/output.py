@@ -10,7 +10,7 @@ from ..results.folder import SCENE, SUMMARY
 from .page import MOST_BYTES, rendered
 from .pdf import write_pdf
 
-STUDY, SERVICE = "study.json", "service.json"
+STUDY, SERVICE, SERVICE_TOTALS = "study.json", "service.json", "service-study.json"
 NAME = "report.html"
 
 
@@ -79,6 +79,11 @@ def _check_run(folder: Path) -> None:
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; give one that macrofit run, study or service has written")
+    if (folder / SERVICE_TOTALS).is_file():
+        raise OutputError(
+            f"{folder}: is a study of wheelsets in service, which has no page; read service-study.csv and "
+            f"service-study.png, or report the folder of a run, which --keep leaves in runs/"
+        )
     if not (folder / SCENE).is_file():
         raise OutputError(f"{folder}: holds no run of macrofit ({SCENE} is missing) and no study ({STUDY} is missing)")
     if not (folder / SUMMARY).is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,17 @@ def doubts(solution: Solution) -> list[str]:
 def doubtful_lines(sentences: Sequence[str]) -> list[str]:
     """The lines that say so, for people."""
     return [f"{DOUBTFUL}: {sentence}" for sentence in sentences]
+
+
+def doubtful_runs(runs: Sequence[Sequence[str]]) -> list[str]:
+    """A line for each kind of doubt about several runs, with how many have it and the first of its sentences."""
+    first: dict[str, str] = {}
+    count: Counter[str] = Counter()
+    for sentences in runs:
+        kinds = {sentence.partition(":")[0]: sentence for sentence in sentences}
+        count.update(kinds.keys())
+        first = kinds | first
+    return doubtful_lines([f"{count[kind]} of {len(runs)} runs, {first[kind]}" for kind in count])
 
 
 def allow_none(sentences: Sequence[str], folder: object) -> None:
@@ -151,12 +163,17 @@ def _held(solution: Solution) -> Iterator[str]:
 def _large_strain(solution: Solution) -> Iterator[str]:
     """Flow beyond small strain theory; of which body is known where stresses were asked for."""
     most = max((record.plastic_strain for record in solution.increments), default=0.0)
-    if not most <= LARGE_STRAIN:  # so that NaN is doubtful
-        flowed = [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN]
-        yield (
-            f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
-            f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
-        )
+    yield from large_strain(most, [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN])
+
+
+def large_strain(most: float, flowed: Sequence[str] = ()) -> list[str]:
+    """A sentence where the largest plastic strain of bodies of these names is beyond small strain theory."""
+    if most <= LARGE_STRAIN:  # NaN is doubtful
+        return []
+    return [
+        f"large strain: the {' and the '.join(flowed) or 'steel'} flowed by {most:.2g}, and small strain theory "
+        f"ends at {LARGE_STRAIN:g}; give material.hardening, or a smaller interference or friction"
+    ]
 
 
 def _facets(solution: Solution) -> Iterator[str]:

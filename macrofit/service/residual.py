@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -25,6 +25,10 @@ from ..solution import Journal
 from ..state import State, Step
 from .seat_stress import MM, TT, facet_mean, surface_stress
 
+SMOOTH = "friction: without it nothing holds the wheel in service; give a coefficient"
+NUMBERS = ("displacement", "force", "thermal_strain", "plastic_strain")
+"""What of a residual is a number."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Residual:
@@ -38,11 +42,12 @@ class Residual:
     gap: FloatArray  # (m,) of open moments, 0 in contact [mm]
     friction: FloatArray  # (m,)
     stress: FloatArray  # (facets, 6) of the seat, see `seat_stress` [MPa]
+    plastic_strain: float = 0.0  # largest of the press
 
     @property
     def scalars(self) -> dict[str, float | int | bool]:
         """Its numbers, for a journal."""
-        return {name: float(getattr(self, name)) for name in ("displacement", "force", "thermal_strain")}
+        return {name: float(getattr(self, name)) for name in NUMBERS}
 
     @property
     def arrays(self) -> dict[str, FloatArray | IntArray]:
@@ -81,9 +86,11 @@ def pressed_and_released(
     script = None if friction is None else ScriptFriction(friction)
     field = friction_field(scene, MPI.COMM_SELF, seat, wheel, script)
     press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
-    before, after = _pressed(press, journal)
+    before, after, flowed = _pressed(press, journal)
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
+    if held and after.friction_force == 0.0:
+        raise SceneError(SMOOTH)
     steps, _ = let_go(press, after) if held else press.advance_to(before, after.displacement, strain)
     if not steps[-1].facets.pressure.any():
         raise SceneError(
@@ -91,21 +98,23 @@ def pressed_and_released(
             f"the radii"
         )
     if not steps[-1].facets.friction.any():
-        raise SceneError("friction: without it nothing holds the wheel in service; give a coefficient")
-    return _residual(press, steps[-1], after.axial_force, assembly), assembly.bodies
+        raise SceneError(SMOOTH)
+    found = _residual(press, steps[-1], after.axial_force, assembly)
+    return replace(found, plastic_strain=flowed), assembly.bodies
 
 
-def _pressed(press: Press, journal: Journal | None) -> tuple[State, State]:
-    """The states before and after the last increment."""
+def _pressed(press: Press, journal: Journal | None) -> tuple[State, State, float]:
+    """The states before and after the last increment, and the largest plastic strain of all."""
     kept = [] if journal is None else journal.records()
     states = [State.restored(arrays) for _, arrays in kept]
     press.friction.recall(arrays for _, arrays in kept)
     before, after = press.resumed(states[:-1]), press.resumed(states)
+    flowed = max((record.plastic_strain for record, _ in kept), default=0.0)
     for record, state in press.increments(after, len(states)):
         if journal is not None:
             journal.append(record, state.arrays() | press.friction.news())
-        before, after = after, state
-    return before, after
+        before, after, flowed = after, state, max(flowed, record.plastic_strain)
+    return before, after, flowed
 
 
 def _residual(press: Press, step: Step, force: float, assembly: Assembly) -> Residual:

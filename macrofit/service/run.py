@@ -41,6 +41,7 @@ class Turned:
     fretting: Fretting
     endurance: Endurance
     friction: FloatArray  # (m,) coefficients
+    plastic_strain: float  # largest, of the press
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +185,7 @@ def _turned(
         fretting=wear,
         endurance=endurance(whole, stress, wear),
         friction=rotation.friction,
+        plastic_strain=residual.plastic_strain,
     )
 
 

@@ -16,7 +16,7 @@ from ..acceptance import Verdict, judge_scene
 from ..base.files import remove_drafts, write_json, write_text, writing
 from ..base.progress import duration, printable, say
 from ..errors import OutputError
-from ..results.doubts import doubtful_lines
+from ..results.doubts import doubtful_runs
 from ..results.folder import JOURNAL, prepare
 from ..results.versions import session, versions
 from ..solution import Extreme
@@ -246,15 +246,4 @@ def _sentences(plan: Plan, records: Sequence[RunRecord], numbers: dict[str, Any]
             lines.append(f"{word:<15} {several}{mean:.5g} {unit}")
     if numbers["unconverged_increments"]:
         lines.append(f"Not converged   {numbers['unconverged_increments']} increments")
-    return lines + _doubtful(records)
-
-
-def _doubtful(records: Sequence[RunRecord]) -> list[str]:
-    """A line for each kind of doubt, with how many runs have it and the first of its sentences."""
-    first: dict[str, str] = {}
-    count: Counter[str] = Counter()
-    for record in records:
-        kinds = {sentence.partition(":")[0]: sentence for sentence in record.doubts}
-        count.update(kinds.keys())
-        first = kinds | first
-    return doubtful_lines([f"{count[kind]} of {len(records)} runs, {first[kind]}" for kind in count])
+    return lines + doubtful_runs([record.doubts for record in records])

@@ -55,7 +55,8 @@ class StressVerdict(msgspec.Struct, frozen=True, kw_only=True):
         """The verdict for people."""
         stress = f"nominal stress {self.nominal_stress_MPa:.1f} MPa on the seat of a {self.axle} axle"
         if self.limit_MPa is None or self.safety is None:
-            return f"{stress}, not judged: state axle.material.grade or service.seat_limit"
+            known = " or ".join(grade for grade, card in cards().items() if "fatigue_seat" in card)
+            return f"{stress}, not judged: state axle.material.grade, {known}, or service.seat_limit"
         permitted = self.limit_MPa / self.safety
         return (
             f"{self.word} by {self.standard}: {stress}, permitted {permitted:.1f} MPa "

@@ -32,7 +32,12 @@ def write_histories(target: Path, found: Service) -> None:
         dataset(file, "area", fit.weight, "mm2")
         dataset(file, "traction", np.stack([each.traction for each in found.moments]), "MPa")
         dataset(file, "slip", np.stack([each.slip for each in found.moments]), "mm")
+        for name in ("traction", "slip"):
+            file[name].attrs["axes"] = "time, angle, (normal, along the seat, around it), place"
         dataset(file, "facet_end", line.coordinate, "mm")
         if found.turned is not None:
             dataset(file, "friction", found.turned.friction, "1")
             dataset(file, "stress", found.turned.endurance.stress.transpose(1, 0, 2), "MPa")
+            file["stress"].attrs["axes"] = (
+                "time after the first, facet, (nn, mm, tt, nm, nt, mt) with n outward, m along the seat, t around it"
+            )

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from ...base.arrays import FloatArray
+from ...base.arrays import BoolArray, FloatArray
 from ...base.files import write_text
 from ...plasticity.material import hardening
-from ...results.doubts import doubtful_lines
+from ...results.doubts import doubtful_lines, large_strain
 from ...results.versions import provenance, versions
 from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
@@ -78,14 +78,21 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "friction_work_N_mm": last.friction_work,
         "friction_work_of_revolutions_N_mm": [each.friction_work for each in turned.revolutions],
         "work_balance": abs(last.load_work - last.friction_work) / max(abs(last.friction_work), 1e-300),
-        "slip_left_by_revolution": dict(zip(("axial", "around"), wear.left, strict=True)),
-        "wave_error": dict(zip(("axial", "around"), wear.wave_errors, strict=True)),
+        "slip_left_by_revolution": _where_held(held, wear.left),
+        "wave_error": _where_held(held, wear.wave_errors),
         "newton_iterations": sum(each.iterations for each in turned.revolutions),
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
-        "slip_range_mm": {name: float(wear.axial_range[side].max(initial=0.0)) for name, side in sides.items()},
+        "slip_range_mm": {
+            name: float(wear.axial_range[side].max()) if side.any() else None for name, side in sides.items()
+        },
         "largest_pressure_MPa": float(wear.largest_pressure.max(initial=0.0)),
         "opening_mm": float(wear.opening.max(initial=0.0)) + 0.0,  # no -0.0
     }
+
+
+def _where_held(held: BoolArray, values: tuple[float, float]) -> dict[str, float | None]:
+    """What is told of places that stay in contact; None where there is none, which is not the same as 0."""
+    return dict(zip(("axial", "around"), values if held.any() else (None, None), strict=True))
 
 
 def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
@@ -103,6 +110,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
         )
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
+    found.extend(large_strain(turned.plastic_strain))
     if any(hardening(body.material) for body in (whole.scene.axle, whole.scene.wheel)):
         found.append("steel that yielded in the press is taken as elastic in service (shakedown)")
     return found
@@ -200,16 +208,32 @@ def _bonded_said(edge: dict[str, float | None]) -> str:
 
 def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[str]:
     zone, slip, left = (friction[key] for key in ("slip_zone_mm", "slip_range_mm", "slip_left_by_revolution"))
-    shares = ("crossland", "dang_van", "findley")
-    said = ", ".join(f"{name.replace('_', ' ').title()} {endurance[name]['value']:.2f}" for name in shares)
+    steady = "not known, no place stays in contact all around"
+    if left["axial"] is not None:
+        steady = (
+            f"the last revolution leaves {left['axial']:.1e} of slip along, {left['around']:.1e} around, and is a wave "
+            f"to {friction['wave_error']['axial']:.1e}"
+        )
     return [
-        *(
-            f"{name.capitalize() + ' slip':<15} {1e3 * slip[name]:.2f} um along the axle, over {zone[name]:.1f} mm"
-            for name in zone
-        ),
+        *(f"{name.capitalize() + ' slip':<15} {_slip_said(slip[name], zone[name])}" for name in zone),
         f"Friction work   {1e-3 * friction['friction_work_N_mm']:.4g} J per revolution; that of the loads differs by "
         f"{friction['work_balance']:.1e}",
-        f"Steady          the last revolution leaves {left['axial']:.1e} of slip along, {left['around']:.1e} around, "
-        f"and is a wave to {friction['wave_error']['axial']:.1e}",
-        f"Share of limit  {said} of a smooth surface, worst at z = {endurance['crossland']['z_mm']:.1f} mm",
+        f"Steady          {steady}",
+        f"Share of limit  {_shares_said(endurance)}",
     ]
+
+
+def _slip_said(slip: float | None, zone: float) -> str:
+    if slip is None:
+        return f"not known, no place there stays in contact all around; over {zone:.1f} mm"
+    return f"{1e3 * slip:.2f} um along the axle, over {zone:.1f} mm"
+
+
+def _shares_said(endurance: dict[str, Any]) -> str:
+    """The criteria, and the place of the worst; that of each where they differ."""
+    shares = {name: endurance[name] for name in ("crossland", "dang_van", "findley")}
+    words = {name: f"{name.replace('_', ' ').title()} {found['value']:.2f}" for name, found in shares.items()}
+    places = {name: f"z = {found['z_mm']:.1f} mm" for name, found in shares.items()}
+    if len(set(places.values())) == 1:
+        return f"{', '.join(words.values())} of a smooth surface, worst at {places['crossland']}"
+    return ", ".join(f"{words[name]} at {places[name]}" for name in shares) + ", of a smooth surface"

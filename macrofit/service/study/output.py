@@ -12,7 +12,7 @@ from typing import Any
 from ...base.files import remove_drafts, write_json, write_text, writing
 from ...base.progress import printable
 from ...errors import OutputError
-from ...results.doubts import doubtful_lines
+from ...results.doubts import doubtful_runs
 from ...results.folder import prepare
 from ...results.versions import session, versions
 from ...study.plan import Plan, PlannedRun
@@ -128,5 +128,4 @@ def _sentences(records: Sequence[ServiceRecord], totals: dict[str, Any]) -> list
     if totals["ended"]:
         first, why = next(iter(totals["ended"].items()))
         lines.append(f"Ended early     {len(totals['ended'])} runs; run {first}: {why}")
-    doubted = [sentences for sentences in totals["doubts"].values()]
-    return lines + (doubtful_lines([f"{len(doubted)} of {len(records)} runs, {doubted[0][0]}"]) if doubted else [])
+    return lines + doubtful_runs([record.doubts for record in records])

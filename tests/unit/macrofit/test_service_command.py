@@ -11,6 +11,7 @@ from serving import SHORT, read_table, service
 
 from macrofit.scene import load_scene
 from macrofit.service import output
+from macrofit.service.output.numbers import _shares_said
 from macrofit.service.run import bonded_only
 
 
@@ -75,12 +76,42 @@ def test_a_wheel_that_does_not_stay_is_doubted(tmp_path: Path, load: str, doubt:
     assert "Doubtful: " in result.stdout
 
 
+def test_slip_of_a_wheel_that_lifts_off_everywhere_is_not_known(tmp_path: Path) -> None:
+    # places that open slip freely; a largest value over none of them is no slip of 0
+    result = service(tmp_path / "served", "service.journal_moment=2e9")
+    found = json.loads((tmp_path / "served" / output.NUMBERS).read_text())["friction"]
+    assert found["slip_range_mm"] == {"front": None, "inner": None}
+    assert found["slip_left_by_revolution"] == found["wave_error"] == {"axial": None, "around": None}
+    assert found["friction_work_N_mm"] > 0.0
+    assert "Front slip      not known, no place there stays in contact all around" in result.stdout
+    assert "Steady          not known" in result.stdout
+
+
+def test_each_criterion_is_said_at_its_own_place() -> None:
+    found = {"crossland": {"value": 1.1, "z_mm": 163.8}, "dang_van": {"value": 2.58, "z_mm": 4.0}}
+    apart = _shares_said(found | {"findley": {"value": 2.67, "z_mm": 4.0}})
+    assert apart.startswith("Crossland 1.10 at z = 163.8 mm, Dang Van 2.58 at z = 4.0 mm, Findley 2.67 at z = 4.0 mm")
+    together = _shares_said({name: {"value": 0.5, "z_mm": 6.0} for name in ("crossland", "dang_van", "findley")})
+    assert together == "Crossland 0.50, Dang Van 0.50, Findley 0.50 of a smooth surface, worst at z = 6.0 mm"
+
+
+@pytest.mark.parametrize("resumed", [False, True])
+def test_strain_too_large_for_the_press_is_doubted_in_service_too(tmp_path: Path, resumed: bool) -> None:
+    steel = ("axle.material.yield_stress=150", "wheel.bore_radius=94.6")
+    assert service(tmp_path / "served", *steel).exit_code == 0
+    if resumed:
+        (tmp_path / "served" / output.NUMBERS).unlink()
+        assert service(tmp_path / "served", *steel, resume=True).exit_code == 0
+    found = json.loads((tmp_path / "served" / output.NUMBERS).read_text())["doubts"]
+    assert any(sentence.startswith("large strain: the steel flowed by 0.") for sentence in found)
+
+
 @pytest.mark.parametrize(
     ("scene", "more", "said"),
     [
         ("wheelset", ("service.harmonics=0",), "service.harmonics: 0 must not be below 1"),
         ("wheelset", ("service.torsion_limit=250",), "must be above 1/2 and below 1 of bending_limit"),
-        ("wheelset", ("friction.options.coefficient=0",), "nothing holds the wheel"),
+        ("wheelset", ("friction.options.coefficient=0",), "friction: without it nothing holds the wheel in service"),
     ],
 )
 def test_mistakes_end_in_one_line(tmp_path: Path, scene: str, more: tuple[str, ...], said: str) -> None:

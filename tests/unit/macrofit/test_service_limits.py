@@ -79,4 +79,10 @@ def test_without_a_grade_nothing_is_judged(tmp_path: Path) -> None:
     verdict, said = judged(tmp_path / "served")
     assert verdict["word"] == "not judged"
     assert verdict["limit_MPa"] is None
-    assert "state axle.material.grade or service.seat_limit" in said
+    assert "state axle.material.grade, EA1N or EA4T, or service.seat_limit" in said
+
+
+def test_steel_of_wheels_has_no_limit_of_a_seat(tmp_path: Path) -> None:
+    verdict, said = judged(tmp_path / "served", "axle.material.grade=ER7", "axle.material.elastic=true")
+    assert verdict["word"] == "not judged"
+    assert "EA1N or EA4T, or service.seat_limit" in said

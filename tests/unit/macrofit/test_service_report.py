@@ -85,6 +85,22 @@ def test_a_bonded_solution_has_a_page_and_no_standard_of_the_press(folder: Path,
     assert "leave --standard and --wheel out" in refused.stderr
 
 
+def test_what_is_not_known_is_a_dash(tmp_path: Path) -> None:
+    assert service(tmp_path / "served", "service.journal_moment=2e9").exit_code == 0
+    assert report(tmp_path / "served").exit_code == 0
+    text = (tmp_path / "served" / "report.html").read_text()
+    assert "<tr><th>Front slip</th><td>–&nbsp;" not in text
+    assert "<tr><th>Front slip</th><td>– along the axle, over " in text
+
+
+def test_study_in_service_says_that_it_has_no_page(tmp_path: Path) -> None:
+    (tmp_path / "service-study.json").write_text("{}")
+    done = report(tmp_path)
+    assert done.exit_code == 2
+    assert "is a study of wheelsets in service, which has no page" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
 def test_what_ended_early_says_why(tmp_path: Path) -> None:
     assert service(tmp_path / "served", "service.torque=1e9").exit_code == 2
     assert report(tmp_path / "served").exit_code == 0

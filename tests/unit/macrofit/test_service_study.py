@@ -16,7 +16,7 @@ from macrofit.base.log import frames
 from macrofit.cli import main
 from macrofit.service import run as service_run
 from macrofit.service.study.figures import write_service_figure
-from macrofit.service.study.output import STUDY_FILE
+from macrofit.service.study.output import STUDY_FILE, _sentences
 from macrofit.service.study.record import MAGIC, MEASURES, ServiceRecord
 from macrofit.study.plan import plan_study
 
@@ -99,6 +99,24 @@ def test_goes_on_with_the_runs_that_are_missing(done: tuple[Path, str], tmp_path
     assert (folder / "runs" / "0003" / "seat.vtu").is_file()
     timeless = [[{**row, "cpu_s": ""} for row in rows(place)] for place in (folder, done[0])]
     assert timeless[0] == timeless[1]
+
+
+def test_each_kind_of_doubt_is_said_with_the_runs_that_have_it(tmp_path: Path) -> None:
+    doubts = (["the wheel creeps: 2%"], ["the wheel creeps: 9%", "steel yielded"], [])
+    empty = {"runs_cpu_s": 1.0, "statistics": {}, "verdicts": {}, "ended": {}}
+    records = [
+        ServiceRecord(digest=str(k), values={}, verdict="accepted", ended=None, doubts=each, cpu_s=1.0)
+        for k, each in enumerate(doubts)
+    ]
+    said = [line for line in _sentences(records, empty) if line.startswith("Doubtful")]
+    assert said == ["Doubtful: 2 of 3 runs, the wheel creeps: 2%", "Doubtful: 1 of 3 runs, steel yielded"]
+
+
+def test_a_standard_of_the_press_judges_no_service(tmp_path: Path) -> None:
+    result = study(tmp_path / "study", *VARIED, more=("--standard", "gost-11018"))
+    assert result.exit_code == 2
+    assert result.stderr.startswith("macrofit: --standard: gost-11018 judges presses")
+    assert not (tmp_path / "study").exists()
 
 
 def test_a_folder_of_a_press_study_is_refused(tmp_path: Path) -> None:

@@ -81,6 +81,8 @@ def test_histories_are_those_of_the_last_revolution(found: Service, folder: Path
         assert file["time"][:] == pytest.approx(np.linspace(2.0, 3.0, 16))
         traction, slip, area = file["traction"][:], file["slip"][:], file["area"][:]
         assert file["traction"].attrs["unit"] == "MPa"
+        assert file["slip"].attrs["axes"] == "time, angle, (normal, along the seat, around it), place"
+        assert "(nn, mm, tt, nm, nt, mt)" in file["stress"].attrs["axes"]
         assert (
             file["stress"][:, :, MM].max(axis=0) == read_table(folder / output.SEAT)["largest_axial_stress_MPa"]
         ).all()
