@@ -14,10 +14,12 @@ from ..base.arrays import BoolArray, FloatArray, IntArray
 from ..bodies.approach import check_approach
 from ..bodies.body import Body, ContactLine
 from ..bodies.stress import StressEvaluator
+from ..bodies.surface import surface_stress as nodal_stress
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
 from ..errors import SceneError
 from ..friction import GivenFriction, ScriptFriction
+from ..plasticity.surface import PlasticFields, SurfaceFit
 from ..press import REACH, Press
 from ..release import is_held, let_go
 from ..scene.keys import Scene
@@ -150,7 +152,7 @@ def _coupling(lines: tuple[ContactLine, ContactLine], place: tuple[float, float]
 
 
 def _stress(press: Press, step: Step, assembly: Assembly) -> FloatArray:
-    """The stress of the seat (facets, 6) [MPa]: of its surface, and where it flowed of the patches of `bodies`."""
+    """The stress of the seat (facets, 6) [MPa]: of its surface, and where it flowed as `plasticity.surface` has it."""
     line, nodes = press.seat.line, len(press.seat.line.nodes)
     moved = step.state.seat_displacement.reshape(2, -1)[:, :nodes]
     displacement = np.stack([moved[0], np.zeros(nodes), moved[1]], axis=1).astype(np.complex128)
@@ -163,18 +165,20 @@ def _stress(press: Press, step: Step, assembly: Assembly) -> FloatArray:
 
 
 def _flowed(step: Step, assembly: Assembly) -> tuple[BoolArray, FloatArray]:
-    """Which facets of the seat flowed (facets,), and the patches' stress along and around it (facets, 2) [MPa]."""
+    """Which facets of the seat flowed (facets,), and their stress along and around it (facets, 2) [MPa]."""
     plastic, state = assembly.plastic["axle"], step.state
-    body = plastic.body
-    line, strain = body.line, state.flow["axle"].state.strain if state.flow else np.zeros((plastic.count, 4))
-    displacement = body.back_substitute(state.seat_load[:, None]) + body.solve(plastic.load(strain)[:, None])
-    evaluator = StressEvaluator(body)
-    stress = evaluator.stress(displacement)[:, :, 0] - plastic.moduli @ strain.T
-    (n_r, n_z), pressure, shear = line.normals.T, step.facets.pressure, step.facets.traction
+    body, flow = plastic.body, state.flow
+    if flow is None:
+        return np.zeros(body.line.facets, dtype=np.bool_), np.zeros((body.line.facets, 2))
+    own = flow["axle"].state
+    past = PlasticFields(strain=own.strain, accumulated=own.accumulated, back=own.back.sum(axis=1))
+    displacement = body.back_substitute(state.seat_load[:, None]) + body.solve(plastic.load(past.strain)[:, None])
+    stress = StressEvaluator(body).stress(displacement)[:, :, 0] - plastic.moduli @ past.strain.T
+    (n_r, n_z), pressure, shear = body.line.normals.T, step.facets.pressure, step.facets.traction
     traction = np.stack([-pressure * n_r - shear * n_z, -pressure * n_z + shear * n_r], axis=1)
-    on_line, order = body.trace[: len(line.nodes)], line.order
-    strained = evaluator.patches.recover(strain.T)[on_line].any(axis=1)
-    of_nodes = evaluator.patches.recover(stress, traction)[on_line].astype(np.complex128)
-    rr, zz, tt, rz = (facet_mean(each, order).real for each in of_nodes.T)
-    flowed = np.logical_or.reduce([strained[k : len(strained) - order + k : order] for k in range(order + 1)])
+    fit, of_nodes = SurfaceFit(plastic), nodal_stress(body, displacement[:, 0], traction)
+    nodes, order = fit.flowed(past.accumulated, of_nodes), body.line.order
+    of_nodes[nodes] = fit.stress(np.flatnonzero(nodes), stress, past, traction)
+    rr, zz, tt, rz = (facet_mean(each, order).real for each in of_nodes.T.astype(np.complex128))
+    flowed = np.logical_or.reduce([nodes[k : len(nodes) - order + k : order] for k in range(order + 1)])
     return flowed, np.stack([n_z**2 * rr + n_r**2 * zz - 2.0 * n_r * n_z * rz, tt], axis=1)

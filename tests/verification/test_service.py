@@ -200,7 +200,7 @@ def test_residual_stress_of_an_axle_that_flowed_is_what_its_steel_bears() -> Non
     found = von_mises(residual.stress[:, :4].T)
     assert np.abs(residual.stress[:, 4:]).max() == 0.0
     assert np.median(found) == pytest.approx(200.0, rel=0.1)
-    assert found.max() < 600.0
+    assert found.max() < 1.02 * (200.0 + 2000.0 * residual.plastic_strain)  # patches had 600 at the ends
 
 
 def test_without_loads_nothing_concentrates_and_the_residual_stress_stays() -> None:
