@@ -314,6 +314,8 @@ class Factor:
                 break
         _raise_failure(self._common)
         if last:
+            # METIS of Debian 13 jumps out of its handler, where the signal is blocked
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
             signal.raise_signal(signal.SIGTERM)
 
     def _analyse(self, K: Any, permutation: npt.NDArray[np.int32]) -> None:
