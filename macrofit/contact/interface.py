@@ -107,8 +107,8 @@ def couple_lines(seat: ContactLine, bore: ContactLine, travel: float, reach: flo
         return None
     inner = np.concatenate([s[(s > low) & (s < high)], b[(b > low) & (b < high)]])
     cuts = np.concatenate([[low], np.sort(inner), [high]])
-    keep = np.append(True, np.diff(cuts) > 1e-12 * (high - low))
-    cuts = cuts[keep]
+    same = 1e-12 * (high - low)  # distance of nodes that are one but for rounding
+    cuts = cuts[np.append(True, np.diff(cuts) > same)]
     cuts[-1] = high
     clearance = np.inf
     if np.isfinite(reach):
@@ -119,11 +119,11 @@ def couple_lines(seat: ContactLine, bore: ContactLine, travel: float, reach: flo
         if depth > 0.0:
             near = cuts[gap < reach * depth]
             ends = np.concatenate([[-np.inf], s, [np.inf]])  # the facet on either side of a near node is near
-            before = ends[np.searchsorted(s, near[0], side="left")]
-            after = ends[np.searchsorted(s, near[-1], side="right") + 1]
-            clearance = float(gap[(cuts <= before) | (cuts >= after)].min(initial=np.inf))
+            before = ends[np.searchsorted(s, near[0] - same, side="left")]
+            after = ends[np.searchsorted(s, near[-1] + same, side="right") + 1]
+            clearance = float(gap[(cuts <= before + same) | (cuts >= after - same)].min(initial=np.inf))
             low, high = max(low, before), min(high, after)
-            cuts = cuts[(cuts >= low) & (cuts <= high)]
+            cuts = cuts[(cuts >= low - same) & (cuts <= high + same)]
     middle = 0.5 * (cuts[1:] + cuts[:-1])
     facet = np.searchsorted(s, middle, side="right") - 1
     bore_facet = np.searchsorted(b, middle, side="right") - 1

@@ -9,6 +9,7 @@ from small import condensed_press, small_press
 from macrofit.contact.interface import couple_lines, open_gap
 from macrofit.contact.moments import covered_facets, quadrature
 from macrofit.press import REACH, Press
+from macrofit.scene import build_scene
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -88,3 +89,18 @@ def test_facets_on_both_sides_of_a_near_node_are_near() -> None:
 def test_a_single_near_node() -> None:
     press, _ = condensed_press(small_press("mesh.bore_facet=12", "mesh.order=1", "axle.taper_blend=0"))
     assert beyond_reach(press, 9.0) == (1, 0)
+
+
+@pytest.mark.parametrize("rounding", [-4e-16, 0.0, 4e-16])
+def test_nodes_of_both_lines_that_are_one_but_for_rounding(rounding: float) -> None:
+    """A small gear touches first where a node of its bore lies on one of the seat, or beside it by 1e-16."""
+    axle = {"seat_radius": 10.0, "seat_length": 15.0, "taper_length": 2.0, "taper_height": 0.1, "tail_length": 12.0}
+    wheel = {
+        "bore_radius": 9.992, "hub_length": 15.0, "hub_outer_radius": 22.0,
+        "chamfer_length": 1.0, "chamfer_height": 0.1,
+    }  # fmt: skip
+    press, _ = condensed_press(build_scene({"axle": axle, "wheel": wheel, "motion": {"travel": 2.0}}))
+    near = couple_lines(press.seat.line, press.bore, 1.0 + rounding, REACH)
+    assert near is not None
+    assert near.portions.start == pytest.approx([-1.0, 0.0], abs=1e-12)
+    assert near.portions.end == pytest.approx([0.0, 1.0], abs=1e-12)
