@@ -41,7 +41,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TomlError(f"{path}: cannot be read as text: not UTF-8 (byte {error.start})") from None
+        raise TomlError(f"{path}: cannot be read as text: not UTF-8 (byte {error.start}); save it as UTF-8") from None
     except OutputError as error:
         raise TomlError(str(error)) from None
     return parse_toml(text, str(path))
@@ -58,7 +58,7 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     except RecursionError:
         raise TomlError(f"{source}: not valid TOML: {TOO_DEEP}") from None
     except tomllib.TOMLDecodeError as error:
-        raise TomlError(f"{source}: not valid TOML: {error}{_decimal_comma(text)}") from None
+        raise TomlError(f"{source}: not valid TOML: {error}{_decimal_comma(text)}{_closed_table(str(error))}") from None
     except ValueError:
         raise TomlError(f"{source}: not valid TOML: an integer of thousands of digits") from None
     if depth_of(tables) > DEEPEST:
@@ -70,6 +70,12 @@ def _decimal_comma(text: str) -> str:
     """A word on the first number that is written with a decimal comma, ``key = 90,125``; empty where there is none."""
     found = re.search(r"^[ \t]*[\w.\"-]+[ \t]*=[ \t]*([-+]?\d+),(\d+)[ \t]*(?:#.*)?$", text, re.MULTILINE)
     return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
+
+
+def _closed_table(mistake: str) -> str:
+    """A word on a table declared again, as [wheel.material] under wheel = { ... }; empty for another mistake."""
+    again = mistake.startswith("Cannot") and ("twice" in mistake or "immutable" in mistake)
+    return "; a table in braces is closed: write all of its keys inside of them" if again else ""
 
 
 def depth_of(value: Any) -> int:

@@ -123,6 +123,12 @@ def test_what_is_not_toml_names_its_source(text: str) -> None:
         parse_toml(text, "scene.toml")
 
 
+@pytest.mark.parametrize("again", ["[wheel.material]\nyoungs_modulus = 7e4", "wheel.material = 1"])
+def test_a_table_in_braces_is_closed(again: str) -> None:
+    with pytest.raises(TomlError, match=r"; a table in braces is closed: write all of its keys inside of them$"):
+        parse_toml("wheel = { bore_radius = 1.0 }\n" + again, "scene.toml")
+
+
 def test_a_decimal_comma_is_said() -> None:
     with pytest.raises(TomlError, match=r"; write -90\.125 with a decimal point$"):
         parse_toml("[axle]\nlist = [1,2]\nseat_radius = -90,125  # drawing 7\n", "scene.toml")
