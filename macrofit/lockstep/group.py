@@ -14,7 +14,6 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
-from ..friction.tiles import NO_OVERLAPS
 from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
@@ -41,6 +40,8 @@ class Group:
         present = [member for member in self.members if member.done == asking.done]
         for member in present:
             member.asked = True
+        if len(present) < 2:
+            return
         line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
         coupling = couple_lines(line, bore, displacement, REACH)
         if coupling is None or any(_by_itself(member.here, displacement, coupling) for member in present):
@@ -92,8 +93,7 @@ def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: fl
     """Offer the members their steps on one coupling; gives those that move as far as what it leaves out."""
     left: list[Member] = []
     frictions: list[FloatArray] = []
-    asking = (member for member in members if member.friction.per_pair)
-    overlaps = next((member.overlaps(coupling, displacement) for member in asking), NO_OVERLAPS)
+    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
     for member in members:
         here = member.here
         try:

@@ -28,6 +28,8 @@ from macrofit.solve import solve
 COEFFICIENT = "friction.options.coefficient"
 COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
 RIPPLED = ("friction.provider=rippled",)
+EVOLVING = ("friction.provider=evolving", "friction.options={base='rippled', flat_coefficient=0.05, work=2e3}")
+"""Asked for every pair in every increment, with its pressure and the way it has slid."""
 TURNING = (15.0, 25.0, 40.0, 39.99, 39.96, 39.9, 39.7, 20.0, 30.0)
 """Pushed, pulled back a little and a lot, pushed again [mm]."""
 NEAR = 1e-9
@@ -54,8 +56,11 @@ def alone(scenes: Sequence[Scene]) -> list[Solution]:
     return [solve(scene, MPI.COMM_SELF, assembly=assembly) for scene in scenes]
 
 
-def assert_same(found: Sequence[Solution], wanted: Sequence[Solution]) -> None:
-    """Forces, pressures and slip to 1e-9 of the largest; the status of every facet; the balances."""
+def assert_same(found: Sequence[Solution], wanted: Sequence[Solution], friction: float = 1e-15) -> None:
+    """Forces, pressures and slip to 1e-9 of the largest; the status of every facet; the balances.
+
+    ``friction`` is how near its coefficient is, exact where it follows no pressure.
+    """
     for own, other in zip(found, wanted, strict=True):
         scale = max(np.abs(other.force).max(), max(each.normal_force for each in other.increments))
         assert own.force == pytest.approx(other.force, abs=NEAR * scale)
@@ -66,7 +71,7 @@ def assert_same(found: Sequence[Solution], wanted: Sequence[Solution]) -> None:
             assert (one.facets.status == two.facets.status).all()
             assert one.facets.pressure == pytest.approx(two.facets.pressure, abs=1e-7 * most)
             assert one.facets.accumulated_slip == pytest.approx(two.facets.accumulated_slip, abs=1e-8)
-            assert one.facets.friction == pytest.approx(two.facets.friction, abs=1e-15)
+            assert one.facets.friction == pytest.approx(two.facets.friction, abs=friction)
             assert one.strain_energy == pytest.approx(two.strain_energy, rel=1e-8, abs=1e-6)
             assert one.work == pytest.approx(two.work, rel=1e-7, abs=1e-3)
 
@@ -118,6 +123,27 @@ def test_five_surfaces() -> None:
     found = together(scenes)
     assert_same(found, alone(scenes))
     assert len({solution.force[-1] for solution in found}) == 5
+
+
+@pytest.mark.parametrize("first", [0, 1, 2], ids=["uniform", "per pair", "per pair and pressure"])
+def test_friction_of_every_kind_together(first: int) -> None:
+    """Whichever is first: one coefficient for all, one for each pair of tiles, one that changes with the work."""
+    kinds = [small_press(f"{COEFFICIENT}=0.07"), small_press(*RIPPLED), small_press(*EVOLVING)]
+    scenes = [*kinds[first:], *kinds[:first]]
+    found, wanted = together(scenes), alone(scenes)
+    assert_same(found, wanted, NEAR)
+    assert factorisations(found) < factorisations(wanted)
+    for name in ("provider_calls", "pairs_asked"):
+        assert [own.counters[name] for own in found] == [other.counters[name] for other in wanted], name
+
+
+def test_a_run_in_no_company_is_solved_once() -> None:
+    """It is the run by itself to the bit, and its provider is asked no more than there."""
+    scene = small_press(*EVOLVING)
+    (found,), (wanted,) = together([scene]), alone([scene])
+    assert (found.force == wanted.force).all()
+    assert found.counters == wanted.counters
+    assert found.counters["provider_calls"] == len(found.increments)
 
 
 @pytest.mark.parametrize("overrides", [("motion.release=true",), ("wheel.temperature=120", "motion.cooling=4")])
