@@ -40,11 +40,11 @@ class Group:
         present = [member for member in self.members if member.done == asking.done]
         for member in present:
             member.asked = True
-        if len(present) < 2:
+        if len(present) < 2 or asking.here.displacement == displacement:  # a fit in place, or a wheel that cools
             return
         line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
         coupling = couple_lines(line, bore, displacement, REACH)
-        if coupling is None or any(_by_itself(member.here, displacement, coupling) for member in present):
+        if coupling is None:
             return
         wide = _offer(present, coupling, displacement)
         everything = couple_lines(line, bore, displacement) if wide else None
@@ -82,11 +82,6 @@ class Member(Press):
     def _committed(self, before: State, after: State) -> State:
         self.here, self.done, self.asked = super()._committed(before, after), self.done + 1, False
         return self.here
-
-
-def _by_itself(here: State, displacement: float, coupling: MortarCoupling) -> bool:
-    """Whether a press takes this increment in a way of its own: a fit in place, a wheel that cools."""
-    return here.thermal_strain != coupling.thermal_strain or here.displacement == displacement
 
 
 def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: float) -> list[Member]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,10 @@ import rippled
 from mpi4py import MPI
 from small import YIELDING, small_path, small_press
 
+from macrofit import press
 from macrofit.assembly import assemble
+from macrofit.contact.interface import MortarCoupling, couple_lines
+from macrofit.contact.newton import Report
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.errors import MacrofitError, ProviderError
 from macrofit.friction import registry
@@ -22,8 +26,9 @@ from macrofit.lockstep.solve import Run, common_to, solve_together
 from macrofit.monitor import Silent
 from macrofit.results.journal import Journal
 from macrofit.scene import Scene, dump_scene, load_scene
-from macrofit.solution import Solution
+from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
+from macrofit.state import State, Step, accepted
 
 COEFFICIENT = "friction.options.coefficient"
 COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
@@ -144,6 +149,44 @@ def test_a_run_in_no_company_is_solved_once() -> None:
     assert (found.force == wanted.force).all()
     assert found.counters == wanted.counters
     assert found.counters["provider_calls"] == len(found.increments)
+
+
+def test_a_step_taken_apart_has_its_own_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Status and traction of every moment are those of Newton's method for the run by itself."""
+    reports: list[Report] = []
+
+    def kept(index: int, before: State, steps: list[Step], *rest: Any) -> Increment:
+        reports.append(steps[-1].report)
+        return accepted(index, before, steps, *rest)
+
+    monkeypatch.setattr(press, "accepted", kept)
+    scenes = with_coefficients(TURNING[:5])
+    together(scenes)  # one increment of each after the other
+    found = [reports[first :: len(scenes)] for first in range(len(scenes))]
+    reports.clear()
+    alone(scenes)
+    for own, other in zip([report for run in found for report in run], reports, strict=True):
+        assert own.status.same(other.status)
+        scale = np.abs(other.answer.traction).max()
+        for name in ("traction", "trial", "total"):
+            assert getattr(own.answer, name) == pytest.approx(getattr(other.answer, name), abs=1e-7 * scale)
+        assert own.answer.kappa == pytest.approx(other.answer.kappa, abs=1e-9)
+
+
+def test_bodies_that_move_farther_than_what_was_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends that stand open by less than the bodies move belong to the problem, in lockstep too."""
+    scenes = [small_press(f"{COEFFICIENT}={value}") for value in (0.07, 0.11, 0.2)]
+    for each in (press, group):
+        monkeypatch.setattr(each, "REACH", 0.05)
+    wanted, whole = alone(scenes), []
+
+    def coupled(*lines: Any) -> MortarCoupling | None:
+        whole.append(len(lines) == 3)
+        return couple_lines(*lines)
+
+    monkeypatch.setattr(group, "couple_lines", coupled)
+    assert_same(together(scenes), wanted)
+    assert any(whole)
 
 
 @pytest.mark.parametrize("overrides", [("motion.release=true",), ("wheel.temperature=120", "motion.cooling=4")])
