@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from macrofit.errors import MacrofitError, ProviderError
 from macrofit.friction import registry
 from macrofit.identify.curves import ForwardModel, derivative
 from macrofit.lockstep import group
+from macrofit.lockstep import solve as lockstep_solve
 from macrofit.lockstep.solve import Run, common_to, solve_together
 from macrofit.monitor import Silent
 from macrofit.results.journal import Journal
@@ -189,6 +192,16 @@ def test_bodies_that_move_farther_than_what_was_left_out(monkeypatch: pytest.Mon
     assert any(whole)
 
 
+def test_each_turn_is_counted_where_it_belongs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock that reads 1, 4, 9 ... the turns take 3, 7, 11 ...: set-up first, ten increments, stresses last."""
+    ticks = itertools.count(1)
+    monkeypatch.setattr(lockstep_solve, "time", SimpleNamespace(process_time=lambda: next(ticks) ** 2))
+    (found,) = together([small_press()])
+    took = [4 * turn - 1 for turn in range(1, 13)]
+    assert len(found.increments) == 10
+    assert (found.setup_cpu_s, found.increments_cpu_s, found.stress_cpu_s) == (took[0], sum(took[1:-1]), took[-1])
+
+
 @pytest.mark.parametrize("overrides", [("motion.release=true",), ("wheel.temperature=120", "motion.cooling=4")])
 def test_what_a_press_does_in_its_own_way(overrides: tuple[str, ...]) -> None:
     """A press that lets go and a wheel that cools are solved run by run, between increments in lockstep."""
@@ -304,3 +317,6 @@ def test_a_first_value_that_fails_is_an_error(tmp_path: Path) -> None:
     edge = ForwardModel(uniform, [], COEFFICIENT, MPI.COMM_SELF, bounds=(0.0, 3.0))
     edge.force(1.99)  # 2.0099 is no coefficient of friction
     assert len(edge.known) == 1
+    upper = ForwardModel(uniform, [], COEFFICIENT, MPI.COMM_SELF, bounds=(0.0, 0.1))
+    upper.force(0.1)
+    assert sorted(upper.known) == pytest.approx([0.099, 0.1])  # none beyond the bounds

@@ -15,7 +15,8 @@ from small import small_press
 from macrofit.cli import main
 from macrofit.errors import OutputError, ProviderError, SceneError
 from macrofit.friction import registry
-from macrofit.identify.fit import IdentificationError, fit_parameter, identify, neighbour_correlation
+from macrofit.identify.curves import derivative
+from macrofit.identify.fit import TOLERANCE, IdentificationError, fit_parameter, identify, neighbour_correlation
 from macrofit.identify.measured import Measured, Reading, read_measured
 from macrofit.results.folder import CurveFile
 from macrofit.scene import Scene, dump_scene, load_scene
@@ -283,6 +284,20 @@ def test_a_linear_model_is_solved_exactly():
     sigma = np.sqrt(residual @ residual / (len(PLACES) - 1))
     assert found.standard_error == pytest.approx(sigma / np.sqrt(slope @ slope), rel=1e-3)
     assert len(found.trials) <= 4
+
+
+@pytest.mark.parametrize("start", [0.9, 1.0, 1.1])
+def test_a_curve_that_bends_is_tried_where_the_step_is_not_sure(start):
+    """exp(8 p): a step of 4 % is wrong by a tenth of itself, and the value is found to 1e-4 of it all the same."""
+    found = fit_parameter(lambda p: PLACES * np.exp(8.0 * p), PLACES * np.exp(8.0 * 1.04), start, (0.1, 5.0))
+    assert found.value == pytest.approx(1.04, rel=TOLERANCE)
+
+
+def test_values_that_are_too_near_say_nothing_of_the_slope():
+    """The curves of values 1e-9 apart differ by rounding; the next one is taken."""
+    known = {p: PLACES * p + 1e-8 * (p == 1.0 + 1e-9) for p in (1.0, 1.0 + 1e-9, 1.1)}
+    assert derivative(known, 1.0, 1e-3).slope == pytest.approx(PLACES, abs=1e-12)
+    assert derivative({p: PLACES * p for p in (1.0, 1.0 + 1e-4)}, 1.0, 1e-3).slope == pytest.approx(PLACES, abs=1e-9)
 
 
 def test_the_stated_error_covers_the_truth():
