@@ -147,7 +147,7 @@ def test_friction_of_every_kind_together(first: int) -> None:
 
 def test_a_run_in_no_company_is_solved_once() -> None:
     """It is the run by itself to the bit, and its provider is asked no more than there."""
-    scene = small_press(*EVOLVING)
+    scene = small_press(*EVOLVING, "output.stress=true")
     (found,), (wanted,) = together([scene]), alone([scene])
     assert (found.force == wanted.force).all()
     assert found.counters == wanted.counters

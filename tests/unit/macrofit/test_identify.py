@@ -343,12 +343,13 @@ def test_a_curve_that_does_not_depend_on_the_value():
         fit_parameter(lambda p: PLACES, 2.0 * PLACES, 0.3, (0.1, 0.5))
 
 
-def test_a_trial_that_is_refused_is_taken_nearer():
-    """The first guess for the forces of 0.118, 0.24, is refused by a network that knows up to 0.12."""
+@pytest.mark.parametrize("refusal", [ProviderError, SceneError])
+def test_a_trial_that_is_refused_is_taken_nearer(refusal):
+    """The first guess for the forces of 0.118, 0.24, is refused by a network or a scene that goes up to 0.12."""
 
     def forward(p: float) -> np.ndarray:
         if p > 0.12:
-            raise ProviderError("seen up to 0.12 only")
+            raise refusal("seen up to 0.12 only")
         return (p - 0.04) * PLACES
 
     assert fit_parameter(forward, 0.078 * PLACES, 0.05, (0.0, 0.5)).value == pytest.approx(0.118, rel=1e-4)
