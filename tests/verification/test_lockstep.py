@@ -18,7 +18,8 @@ from small import YIELDING, small_path, small_press
 from macrofit import press
 from macrofit.assembly import assemble
 from macrofit.contact.interface import MortarCoupling, couple_lines
-from macrofit.contact.newton import Report
+from macrofit.contact.law import Status
+from macrofit.contact.newton import RESIDUAL, Report, settled_status
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.errors import MacrofitError, ProviderError
 from macrofit.friction import registry
@@ -190,6 +191,17 @@ def test_bodies_that_move_farther_than_what_was_left_out(monkeypatch: pytest.Mon
     monkeypatch.setattr(group, "couple_lines", coupled)
     assert_same(together(scenes), wanted)
     assert any(whole)
+
+
+def test_slip_is_seen_by_the_traction_of_its_own_run() -> None:
+    """Two runs slip alike, one under a thousand times the traction, whose rounding hides such a slip."""
+    contact: Any = SimpleNamespace(covered=SimpleNamespace(gamma=np.ones(3)))
+    slipping = np.full((2, 3), SLIP, dtype=np.int8)
+    traction = np.stack([np.full((2, 3), 1.0), np.full((2, 3), 1e3)], axis=1)
+    report: Any = SimpleNamespace(status=Status(slipping, slipping), answer=SimpleNamespace(traction=traction))
+    slip = np.full((2, 3), 30.0 * RESIDUAL)
+    found = settled_status(report, contact, np.full((2, 3), 0.1), slip, 0.0)
+    assert found.tolist() == [[SLIP] * 3, [STICK] * 3]
 
 
 def test_each_turn_is_counted_where_it_belongs(monkeypatch: pytest.MonkeyPatch) -> None:
