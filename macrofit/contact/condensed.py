@@ -54,6 +54,16 @@ class Condensed:
             self._insert(contact.covered.partial)
         return CondensedProblem(self, contact)
 
+    def blocks(self, contact: ContactProblem) -> list[Block]:
+        """Where forces on whole and on partly covered facets act on either."""
+        index = contact.covered.index
+        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
+        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
+        return [
+            (i, j, rows, columns, self._influence[j, i, rows, columns])
+            for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1))
+        ]
+
     def influence(self, contact: ContactProblem, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
         index, band = contact.covered.index, contact.coupling.bore
@@ -70,31 +80,6 @@ class Condensed:
             for component, scale in enumerate(direction):
                 band.add_product(out, scale, spread[component].T)
         return both
-
-    def blocks(self, contact: ContactProblem) -> list[Block]:
-        """Where forces on whole and on partly covered facets act on either."""
-        index = contact.covered.index
-        whole, spare = index[index < self.seat.size], index[index >= self.seat.size]
-        covered = [slice(part.min(), part.max() + 1) for part in (whole, spare) if len(part)]
-        return [
-            (i, j, rows, columns, self._influence[j, i, rows, columns])
-            for rows, columns, i, j in product(covered, covered, (0, 1), (0, 1))
-        ]
-
-    def respond(
-        self, contact: ContactProblem, forces: FloatArray, blocks: list[Block]
-    ) -> tuple[FloatArray, FloatArray]:
-        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N].
-
-        Forces (2, runs, n) give the responses (2, runs, n) and the displacements (2, runs, bore nodes).
-        """
-        index = contact.covered.index
-        spread, response = np.zeros((2, *forces.shape[:-1], self._influence.shape[2]))
-        spread[..., index] = forces
-        for i, j, rows, columns, influence in blocks:
-            response[i, ..., columns] += spread[j, ..., rows] @ influence
-        bore = -_product_within(self.wheel.compliance, contact.coupling.bore.span, contact.coupling.bore_loads(forces))
-        return response[..., index] - contact.coupling.bore_moments(bore), bore
 
     def _insert(self, partial: SeatRows) -> None:
         """Write the influence of partly covered portions into the spare rows and columns."""
@@ -119,7 +104,7 @@ class CondensedProblem:
     def __init__(self, engine: Condensed, contact: ContactProblem) -> None:
         self.engine, self.contact = engine, contact
         self._rows: dict[int, list[FloatArray]] = {}
-        self.blocks = engine.blocks(contact)
+        self._blocks = engine.blocks(contact)
         self._status: Status | None = None
         self._lu: tuple[FloatArray, IntArray] | None = None
         self._traction, self._total, self._response = np.zeros((3, 2, contact.moments))
@@ -148,10 +133,23 @@ class CondensedProblem:
         traction[1, sticking] += step[len(active) :]
         traction[1, slipping] = -status.sign[slipping] * friction[slipping] * traction[0, slipping]
         total = contact.total(traction, kappa)
-        self._response, bore = self.engine.respond(contact, contact.covered.weight * total, self.blocks)
+        self._response, bore = self.respond(contact.covered.weight * total)
         self._traction, self._total = traction, total
         trial = traction + contact.covered.gamma * contact.residual(traction, total, self._response)
         return LinearSolution(traction, trial, total, contact.kappa(bore))
+
+    def respond(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A W tau (2, n) [mm] and the bore's displacement, where it faces the seat, for forces W tau (2, n) [N].
+
+        Forces (2, runs, n) give the responses (2, runs, n) and the displacements (2, runs, bore nodes).
+        """
+        index, coupling, seat = self.contact.covered.index, self.contact.coupling, self.engine.seat
+        spread, response = np.zeros((2, *forces.shape[:-1], seat.size + 2 * seat.moments))
+        spread[..., index] = forces
+        for i, j, rows, columns, influence in self._blocks:
+            response[i, ..., columns] += spread[j, ..., rows] @ influence
+        bore = -_product_within(self.engine.wheel.compliance, coupling.bore.span, coupling.bore_loads(forces))
+        return response[..., index] - coupling.bore_moments(bore), bore
 
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""

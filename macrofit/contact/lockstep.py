@@ -92,7 +92,7 @@ class Lockstep:
                 break
             before = change
         self._traction, self._total = traction, contact.total(traction, kappa)
-        self._response, bore = self.engine.respond(contact, contact.covered.weight * self._total, self._shared.blocks)
+        self._response, bore = self._shared.respond(contact.covered.weight * self._total)
         trial = traction + contact.covered.gamma * contact.residual(traction, self._total, self._response)
         return LinearSolution(traction, trial, self._total, contact.kappa(bore))
 

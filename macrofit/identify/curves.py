@@ -11,7 +11,7 @@ from mpi4py import MPI
 from ..assembly import Assembly, assemble
 from ..base.arrays import FloatArray
 from ..base.ranks import made_by_first
-from ..errors import ConvergenceError, MacrofitError
+from ..errors import MacrofitError
 from ..friction import GivenFriction
 from ..lockstep.solve import Run, common_to, solve_together
 from ..monitor import Silent
@@ -101,11 +101,10 @@ class ForwardModel:
             self.factorisations += self._assembly.work()["factorisations"]
         runs = [Run(scene=scene, monitor=Silent(), friction=self.friction) for scene in scenes.values()]
         for own, found in zip(scenes, solve_together(runs, self.comm, self._assembly), strict=True):
-            failure = _failure(found, f"{self.key} = {own:g}")
-            if isinstance(found, Solution) and failure is None:
+            if isinstance(found, Solution):
                 self.known[own] = found.force
-            elif own == value and failure is not None:
-                raise failure
+            elif own == value:
+                raise found
 
     def _scene(self, value: float) -> Scene:
         changed = [*self.overrides, *WITHOUT, f"{self.key}={value!r}"]
@@ -122,11 +121,3 @@ class ForwardModel:
             return {}
         common = common_to(scene)
         return {other: there} if common is not None and common == common_to(there) else {}
-
-
-def _failure(found: Solution | MacrofitError, named: str) -> MacrofitError | None:
-    """What keeps a run from being a curve."""
-    if isinstance(found, MacrofitError):
-        return found
-    failed = sum(not record.converged for record in found.increments)
-    return ConvergenceError(f"{named}: {failed} increments did not converge") if failed else None

@@ -33,7 +33,7 @@ SHORT, EXACT = 0.05, 1e-5
 """A step no longer than the first that is wrong by no more than the second, both relative to the same, is taken without
 a trial."""
 HALVINGS = 4
-"""How often a step that the provider refuses is halved."""
+"""How often a step that the provider or the scene refuses is halved."""
 
 MOST_OFFSETS = 8
 """How often value and offset are found in turn."""
@@ -77,7 +77,7 @@ def fit_parameter(
     sigma (J' J)^-1/2, sigma^2 = r' r / (n - 1).
 
     Args:
-        forward: forces [N] at the measured places for a value of p; a ProviderError halves the step.
+        forward: forces [N] at the measured places for a value of p; a ProviderError or SceneError halves the step.
         measured: forces [N], shape (n,).
         start: first value.
         bounds: lowest and highest value.
@@ -133,13 +133,13 @@ def _second(first: float, forces: FloatArray, measured: FloatArray, bounds: tupl
 
 
 def _evaluate(forward: Forward, known: dict[float, FloatArray], best: float, trial: float) -> float:
-    """Forces of a trial, or of one nearer to the best value where the provider refuses it."""
+    """Forces of a trial, or of one nearer to the best value where the provider or the scene refuses it."""
     asked = trial
     for halving in range(HALVINGS + 1):
         try:
             known[trial] = forward(trial)
             return trial
-        except ProviderError as error:
+        except (ProviderError, SceneError) as error:
             if halving == HALVINGS:
                 raise IdentificationError(
                     f"the curve asks for about {asked:.3g}, and from {trial:.4g} on: {error}"

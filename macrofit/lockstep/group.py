@@ -14,7 +14,6 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
-from ..friction.tiles import NO_OVERLAPS
 from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
@@ -41,9 +40,11 @@ class Group:
         present = [member for member in self.members if member.done == asking.done]
         for member in present:
             member.asked = True
+        if len(present) < 2 or asking.here.displacement == displacement:  # a fit in place, or a wheel that cools
+            return
         line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
         coupling = couple_lines(line, bore, displacement, REACH)
-        if coupling is None or any(_by_itself(member.here, displacement, coupling) for member in present):
+        if coupling is None:
             return
         wide = _offer(present, coupling, displacement)
         everything = couple_lines(line, bore, displacement) if wide else None
@@ -83,17 +84,11 @@ class Member(Press):
         return self.here
 
 
-def _by_itself(here: State, displacement: float, coupling: MortarCoupling) -> bool:
-    """Whether a press takes this increment in a way of its own: a fit in place, a wheel that cools."""
-    return here.thermal_strain != coupling.thermal_strain or here.displacement == displacement
-
-
 def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: float) -> list[Member]:
     """Offer the members their steps on one coupling; gives those that move as far as what it leaves out."""
     left: list[Member] = []
     frictions: list[FloatArray] = []
-    asking = (member for member in members if member.friction.per_pair)
-    overlaps = next((member.overlaps(coupling, displacement) for member in asking), NO_OVERLAPS)
+    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
     for member in members:
         here = member.here
         try:

@@ -95,8 +95,6 @@ class Turns:
             self.outcome = error
         self.tally.cpu_s.append(time.process_time() - began)
         self.tally.work += _work(self.assembly) - before
-        if self.outcome is not None and self.member is not None:
-            self.group.members.remove(self.member)
         if isinstance(self.outcome, Solution):
             self.outcome = self._own(self.outcome)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,22 +15,30 @@ import rippled
 from mpi4py import MPI
 from small import YIELDING, small_path, small_press
 
+from macrofit import press
 from macrofit.assembly import assemble
+from macrofit.contact.interface import MortarCoupling, couple_lines
+from macrofit.contact.law import Status
+from macrofit.contact.newton import RESIDUAL, Report, settled_status
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.errors import MacrofitError, ProviderError
 from macrofit.friction import registry
 from macrofit.identify.curves import ForwardModel, derivative
 from macrofit.lockstep import group
+from macrofit.lockstep import solve as lockstep_solve
 from macrofit.lockstep.solve import Run, common_to, solve_together
 from macrofit.monitor import Silent
 from macrofit.results.journal import Journal
 from macrofit.scene import Scene, dump_scene, load_scene
-from macrofit.solution import Solution
+from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
+from macrofit.state import State, Step, accepted
 
 COEFFICIENT = "friction.options.coefficient"
 COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
 RIPPLED = ("friction.provider=rippled",)
+EVOLVING = ("friction.provider=evolving", "friction.options={base='rippled', flat_coefficient=0.05, work=2e3}")
+"""Asked for every pair in every increment, with its pressure and the way it has slid."""
 TURNING = (15.0, 25.0, 40.0, 39.99, 39.96, 39.9, 39.7, 20.0, 30.0)
 """Pushed, pulled back a little and a lot, pushed again [mm]."""
 NEAR = 1e-9
@@ -54,8 +65,11 @@ def alone(scenes: Sequence[Scene]) -> list[Solution]:
     return [solve(scene, MPI.COMM_SELF, assembly=assembly) for scene in scenes]
 
 
-def assert_same(found: Sequence[Solution], wanted: Sequence[Solution]) -> None:
-    """Forces, pressures and slip to 1e-9 of the largest; the status of every facet; the balances."""
+def assert_same(found: Sequence[Solution], wanted: Sequence[Solution], friction: float = 1e-15) -> None:
+    """Forces, pressures and slip to 1e-9 of the largest; the status of every facet; the balances.
+
+    ``friction`` is how near its coefficient is, exact where it follows no pressure.
+    """
     for own, other in zip(found, wanted, strict=True):
         scale = max(np.abs(other.force).max(), max(each.normal_force for each in other.increments))
         assert own.force == pytest.approx(other.force, abs=NEAR * scale)
@@ -66,7 +80,7 @@ def assert_same(found: Sequence[Solution], wanted: Sequence[Solution]) -> None:
             assert (one.facets.status == two.facets.status).all()
             assert one.facets.pressure == pytest.approx(two.facets.pressure, abs=1e-7 * most)
             assert one.facets.accumulated_slip == pytest.approx(two.facets.accumulated_slip, abs=1e-8)
-            assert one.facets.friction == pytest.approx(two.facets.friction, abs=1e-15)
+            assert one.facets.friction == pytest.approx(two.facets.friction, abs=friction)
             assert one.strain_energy == pytest.approx(two.strain_energy, rel=1e-8, abs=1e-6)
             assert one.work == pytest.approx(two.work, rel=1e-7, abs=1e-3)
 
@@ -118,6 +132,86 @@ def test_five_surfaces() -> None:
     found = together(scenes)
     assert_same(found, alone(scenes))
     assert len({solution.force[-1] for solution in found}) == 5
+
+
+@pytest.mark.parametrize("first", [0, 1, 2], ids=["uniform", "per pair", "per pair and pressure"])
+def test_friction_of_every_kind_together(first: int) -> None:
+    """Whichever is first: one coefficient for all, one for each pair of tiles, one that changes with the work."""
+    kinds = [small_press(f"{COEFFICIENT}=0.07"), small_press(*RIPPLED), small_press(*EVOLVING)]
+    scenes = [*kinds[first:], *kinds[:first]]
+    found, wanted = together(scenes), alone(scenes)
+    assert_same(found, wanted, NEAR)
+    assert factorisations(found) < factorisations(wanted)
+    for name in ("provider_calls", "pairs_asked"):
+        assert [own.counters[name] for own in found] == [other.counters[name] for other in wanted], name
+
+
+def test_a_run_in_no_company_is_solved_once() -> None:
+    """It is the run by itself to the bit, and its provider is asked no more than there."""
+    scene = small_press(*EVOLVING, "output.stress=true")
+    (found,), (wanted,) = together([scene]), alone([scene])
+    assert (found.force == wanted.force).all()
+    assert found.counters == wanted.counters
+    assert found.counters["provider_calls"] == len(found.increments)
+
+
+def test_a_step_taken_apart_has_its_own_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Status and traction of every moment are those of Newton's method for the run by itself."""
+    reports: list[Report] = []
+
+    def kept(index: int, before: State, steps: list[Step], *rest: Any) -> Increment:
+        reports.append(steps[-1].report)
+        return accepted(index, before, steps, *rest)
+
+    monkeypatch.setattr(press, "accepted", kept)
+    scenes = with_coefficients(TURNING[:5])
+    together(scenes)  # one increment of each after the other
+    found = [reports[first :: len(scenes)] for first in range(len(scenes))]
+    reports.clear()
+    alone(scenes)
+    for own, other in zip([report for run in found for report in run], reports, strict=True):
+        assert own.status.same(other.status)
+        scale = np.abs(other.answer.traction).max()
+        for name in ("traction", "trial", "total"):
+            assert getattr(own.answer, name) == pytest.approx(getattr(other.answer, name), abs=1e-7 * scale)
+        assert own.answer.kappa == pytest.approx(other.answer.kappa, abs=1e-9)
+
+
+def test_bodies_that_move_farther_than_what_was_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends that stand open by less than the bodies move belong to the problem, in lockstep too."""
+    scenes = [small_press(f"{COEFFICIENT}={value}") for value in (0.07, 0.11, 0.2)]
+    for each in (press, group):
+        monkeypatch.setattr(each, "REACH", 0.05)
+    wanted, whole = alone(scenes), []
+
+    def coupled(*lines: Any) -> MortarCoupling | None:
+        whole.append(len(lines) == 3)
+        return couple_lines(*lines)
+
+    monkeypatch.setattr(group, "couple_lines", coupled)
+    assert_same(together(scenes), wanted)
+    assert any(whole)
+
+
+def test_slip_is_seen_by_the_traction_of_its_own_run() -> None:
+    """Two runs slip alike, one under a thousand times the traction, whose rounding hides such a slip."""
+    contact: Any = SimpleNamespace(covered=SimpleNamespace(gamma=np.ones(3)))
+    slipping = np.full((2, 3), SLIP, dtype=np.int8)
+    traction = np.stack([np.full((2, 3), 1.0), np.full((2, 3), 1e3)], axis=1)
+    report: Any = SimpleNamespace(status=Status(slipping, slipping), answer=SimpleNamespace(traction=traction))
+    slip = np.full((2, 3), 30.0 * RESIDUAL)
+    found = settled_status(report, contact, np.full((2, 3), 0.1), slip, 0.0)
+    assert found.tolist() == [[SLIP] * 3, [STICK] * 3]
+
+
+def test_each_turn_is_counted_where_it_belongs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock that reads 1, 4, 9 ... the turns take 3, 7, 11 ...: set-up first, ten increments, stresses last."""
+    ticks = itertools.count(1)
+    monkeypatch.setattr(lockstep_solve, "time", SimpleNamespace(process_time=lambda: next(ticks) ** 2))
+    (found,) = together([small_press()])
+    took = [4 * turn - 1 for turn in range(1, 13)]
+    assert len(found.increments) == 10
+    assert (found.setup_cpu_s, found.increments_cpu_s, found.stress_cpu_s) == (took[0], sum(took[1:-1]), took[-1])
 
 
 @pytest.mark.parametrize("overrides", [("motion.release=true",), ("wheel.temperature=120", "motion.cooling=4")])
@@ -235,3 +329,6 @@ def test_a_first_value_that_fails_is_an_error(tmp_path: Path) -> None:
     edge = ForwardModel(uniform, [], COEFFICIENT, MPI.COMM_SELF, bounds=(0.0, 3.0))
     edge.force(1.99)  # 2.0099 is no coefficient of friction
     assert len(edge.known) == 1
+    upper = ForwardModel(uniform, [], COEFFICIENT, MPI.COMM_SELF, bounds=(0.0, 0.1))
+    upper.force(0.1)
+    assert sorted(upper.known) == pytest.approx([0.099, 0.1])  # none beyond the bounds

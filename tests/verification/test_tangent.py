@@ -113,7 +113,7 @@ def test_condensed_matrix(kind: str) -> None:
         slip = kinds == SLIP
         traction[1, slip] = -signs[slip] * friction[slip] * traction[0, slip]
         total = facing.total(traction, kappa)
-        response, _ = engine.respond(facing, facing.covered.weight * total, engine.blocks(facing))
+        response, _ = problem.respond(facing.covered.weight * total)
         rest = facing.residual(traction, total, response)
         return np.concatenate([rest[0, active], rest[1, sticking]])
 

@@ -246,6 +246,21 @@ def test_a_journal_gives_everything_back(quantity: str) -> None:
     assert (resumed.calls, resumed.news()["friction.seat"].size) == (0, 0)
 
 
+def test_the_last_answer_about_a_pair_stands() -> None:
+    """Whatever was looked up in between; and what is restored takes the place of all of them."""
+    field = FrictionField(Recorder(lambda pairs: law(pairs) + 1e-3 * pairs.pressure, "pressure"))
+    known = []
+    for scale in (1.0, 2.0, 3.0):
+        field.facet_friction(TWO, scale * PRESSURE, SLIDING)
+        known.append(field.state())
+    assert [state.coefficient[0] for state in known] == pytest.approx([0.063, 0.073, 0.083])
+    field.facet_friction(TWO, 4.0 * PRESSURE, SLIDING)
+    field.restore()
+    assert field.state().seat.size == 0
+    field.restore(known[0])
+    assert field.state().coefficient.tolist() == known[0].coefficient.tolist()
+
+
 # Uncertainty
 
 

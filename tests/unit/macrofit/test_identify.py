@@ -15,7 +15,8 @@ from small import small_press
 from macrofit.cli import main
 from macrofit.errors import OutputError, ProviderError, SceneError
 from macrofit.friction import registry
-from macrofit.identify.fit import IdentificationError, fit_parameter, identify, neighbour_correlation
+from macrofit.identify.curves import derivative
+from macrofit.identify.fit import TOLERANCE, IdentificationError, fit_parameter, identify, neighbour_correlation
 from macrofit.identify.measured import Measured, Reading, read_measured
 from macrofit.results.folder import CurveFile
 from macrofit.scene import Scene, dump_scene, load_scene
@@ -285,6 +286,20 @@ def test_a_linear_model_is_solved_exactly():
     assert len(found.trials) <= 4
 
 
+@pytest.mark.parametrize("start", [0.9, 1.0, 1.1])
+def test_a_curve_that_bends_is_tried_where_the_step_is_not_sure(start):
+    """exp(8 p): a step of 4 % is wrong by a tenth of itself, and the value is found to 1e-4 of it all the same."""
+    found = fit_parameter(lambda p: PLACES * np.exp(8.0 * p), PLACES * np.exp(8.0 * 1.04), start, (0.1, 5.0))
+    assert found.value == pytest.approx(1.04, rel=TOLERANCE)
+
+
+def test_values_that_are_too_near_say_nothing_of_the_slope():
+    """The curves of values 1e-9 apart differ by rounding; the next one is taken."""
+    known = {p: PLACES * p + 1e-8 * (p == 1.0 + 1e-9) for p in (1.0, 1.0 + 1e-9, 1.1)}
+    assert derivative(known, 1.0, 1e-3).slope == pytest.approx(PLACES, abs=1e-12)
+    assert derivative({p: PLACES * p for p in (1.0, 1.0 + 1e-4)}, 1.0, 1e-3).slope == pytest.approx(PLACES, abs=1e-9)
+
+
 def test_the_stated_error_covers_the_truth():
     """Of 400 replicas the 95 % interval holds the truth in 95 %, within 3 standard deviations of the binomial law."""
     truth = 0.07
@@ -328,12 +343,13 @@ def test_a_curve_that_does_not_depend_on_the_value():
         fit_parameter(lambda p: PLACES, 2.0 * PLACES, 0.3, (0.1, 0.5))
 
 
-def test_a_trial_that_is_refused_is_taken_nearer():
-    """The first guess for the forces of 0.118, 0.24, is refused by a network that knows up to 0.12."""
+@pytest.mark.parametrize("refusal", [ProviderError, SceneError])
+def test_a_trial_that_is_refused_is_taken_nearer(refusal):
+    """The first guess for the forces of 0.118, 0.24, is refused by a network or a scene that goes up to 0.12."""
 
     def forward(p: float) -> np.ndarray:
         if p > 0.12:
-            raise ProviderError("seen up to 0.12 only")
+            raise refusal("seen up to 0.12 only")
         return (p - 0.04) * PLACES
 
     assert fit_parameter(forward, 0.078 * PLACES, 0.05, (0.0, 0.5)).value == pytest.approx(0.118, rel=1e-4)

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import ClassVar
 
@@ -21,6 +22,7 @@ from small import small_press
 
 from macrofit.acceptance import verdict as press_fit_verdict
 from macrofit.assembly import assemble
+from macrofit.base.progress import duration
 from macrofit.cli import main
 from macrofit.errors import ProviderError, SceneError
 from macrofit.friction import registry
@@ -30,7 +32,7 @@ from macrofit.solve import solve
 from macrofit.study.output import _verdict_totals
 from macrofit.study.panels import _panel, stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
-from macrofit.study.run import carry_out_study
+from macrofit.study.run import RunWorker, carry_out_study
 from macrofit.study.statistics import statistics
 
 PROGRAM = Path(rippled.__file__)
@@ -243,6 +245,31 @@ def test_many_runs_have_bands_and_distributions(scene_file):
     assert found["runs"] == 12
     assert found["mean"] == pytest.approx(peaks.mean(), rel=1e-14)
     assert found["standard_deviation"] == pytest.approx(peaks.std(ddof=1), rel=1e-12)
+
+
+def test_runs_of_a_group_share_its_time(scene_file):
+    """The CPU time of all runs is no more than that of the process while it computed them."""
+    plan = plan_study("small.toml", [f"{SEED}=1:4"], ["friction.provider=rippled"])
+    worker, began = RunWorker(plan, scene_file.parent), time.process_time()
+    records = worker.run(plan.runs, lambda: None)
+    assert len(records) == 4
+    assert 0.0 < sum(record.cpu_s for record in records) + worker.cpu_s <= time.process_time() - began
+
+
+def test_the_time_left_counts_the_whole_group(scene_file, monkeypatch):
+    """Two of four runs came in after 40 s, at 20 s each: three times as much is left behind the first one's line."""
+    now, computed = [0.0], RunWorker.run
+
+    def run(self, group, poll):
+        now[0] += 40.0
+        return computed(self, group, poll)
+
+    monkeypatch.setattr("macrofit.study.output.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("macrofit.study.run.MOST_TOGETHER", 2)
+    monkeypatch.setattr(RunWorker, "run", run)
+    told = macrofit("study", "small.toml", *RIPPLED, "--vary", f"{SEED}=1:4", "-o", "out").stdout
+    left = [line.rpartition("  ")[2] for line in told.splitlines() if line.startswith("run ")]
+    assert left[:3] == [f"{duration(seconds)} left" for seconds in (60.0, 40.0, 20.0)]
 
 
 def test_statistics_of_known_numbers():
