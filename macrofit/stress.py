@@ -22,7 +22,7 @@ from .state import State
 
 if TYPE_CHECKING:
     from .plasticity.history import FlowHistory
-    from .plasticity.surface import PlasticFields
+    from .plasticity.law import PointState
 
 _BATCH = 32  # right-hand sides at once
 
@@ -121,17 +121,18 @@ def _evaluate(
         batch = numbers[start : start + _BATCH]
         forces = np.stack([loads[k] for k in batch], axis=1)
         displacement = body.back_substitute(forces)
-        inner = plastic = None
+        inner = None
+        states: list[PointState] = []
         if flow is not None:
-            plastic = flow.at(batch)
-            inner = flow.loads(plastic.strain)
+            states = flow.at(batch)
+            inner = flow.loads(states)
             moved = [at for at, k in enumerate(batch) if flowed[k]]
             if moved:
                 displacement[:, moved] += body.solve(inner[:, moved])
         reactions[batch] = body.reaction(displacement, forces, inner)
         stress = evaluator.stress(displacement)
-        if flow is not None and plastic is not None:
-            stress -= flow.stresses(plastic.strain)
+        if flow is not None:
+            stress -= flow.stresses(states)
         if everywhere:
             equivalent = von_mises(stress)
             best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
@@ -139,7 +140,7 @@ def _evaluate(
                 beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(tractions):
             at = batch.index(k)
-            own = None if plastic is None else plastic.of(at)
+            own = states[at] if states else None
             fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], flow, own, travels[k])
     return _BodyStresses(
         extreme=best,
@@ -147,7 +148,7 @@ def _evaluate(
         reactions=reactions,
         zone=_zone(evaluator, best, beyond, stated)
         if flow is None
-        else _flow_zone(evaluator, flow.at([len(loads) - 1]).accumulated[:, 0], travels[-1]),
+        else _flow_zone(evaluator, flow.at([len(loads) - 1])[0].accumulated, travels[-1]),
         yields=flow is not None,
     )
 
@@ -207,7 +208,7 @@ def _field(
     stress: FloatArray,
     traction: FloatArray,
     flow: FlowHistory | None,
-    plastic: PlasticFields | None,
+    plastic: PointState | None,
     travel: float,
 ) -> BodyField:
     """The fields of a body; ``plastic`` is what its points remember."""

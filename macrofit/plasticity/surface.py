@@ -13,8 +13,6 @@ and where that is broken, a and b are drawn back to it in proportion; the tracti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -22,6 +20,7 @@ from ..base.arrays import BoolArray, FloatArray, IntArray
 from ..bodies.elasticity import von_mises
 from ..bodies.surface import from_line, line_traction, to_line
 from .body import PlasticBody
+from .law import PointState
 
 POINTS = 10
 """Gauss points that the plane of a node is fitted to; with 6 or 16 it is 1 % of the largest stress worse."""
@@ -31,24 +30,6 @@ BESIDE = 2
 
 NEAREST = 0.05
 """Distance, in that of the farthest, at which a point's weight of 1 / distance stops growing."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlasticFields:
-    """What the points of a body remember after one or several (k) increments."""
-
-    strain: FloatArray
-    """Plastic strain (points, 4[, k]) [-]."""
-    accumulated: FloatArray
-    """Accumulated plastic strain (points[, k]) [-]."""
-    back: FloatArray
-    """Sum of the back-stresses (points, 4[, k]) [MPa]."""
-
-    def of(self, column: int) -> PlasticFields:
-        """Those of one increment."""
-        return PlasticFields(
-            strain=self.strain[..., column], accumulated=self.accumulated[..., column], back=self.back[..., column]
-        )
 
 
 class SurfaceFit:
@@ -77,19 +58,19 @@ class SurfaceFit:
         """Values (m, ...) at some nodes of the line, of those at the points (points, ...)."""
         return np.asarray(np.einsum("nk,nk...->n...", self._weights[nodes], values[self._near[nodes]]))
 
-    def stress(self, nodes: IntArray, stress: FloatArray, plastic: PlasticFields, traction: FloatArray) -> FloatArray:
+    def stress(self, nodes: IntArray, stress: FloatArray, state: PointState, traction: FloatArray) -> FloatArray:
         """Stress (m, 4) [MPa] at nodes of the line that flowed.
 
         Args:
             nodes: their numbers on the line (m,).
             stress: at the points (4, points) [MPa].
-            plastic: of the points, after one increment.
+            state: what the points remember.
             traction: (t_r, t_z) in the middle of each facet (facets, 2) [MPa].
         """
         n_r, n_z, normal, shear = line_traction(self.body.body, traction)[:, nodes]
         _, along, around, _ = to_line(n_r, n_z, self.at(nodes, stress.T))
-        x_n, x_m, x_t, x_s = to_line(n_r, n_z, self.at(nodes, plastic.back))
-        radius, _ = self.body.law.radius(np.maximum(self.at(nodes, plastic.accumulated), 0.0))
+        x_n, x_m, x_t, x_s = to_line(n_r, n_z, self.at(nodes, state.back.sum(axis=1)))
+        radius, _ = self.body.law.radius(np.maximum(self.at(nodes, state.accumulated), 0.0))
         a, b = along - x_m - (normal - x_n), around - x_t - (normal - x_n)
         left = np.maximum(radius**2 - 3.0 * (shear - x_s) ** 2, 0.0)
         size = a**2 - a * b + b**2

@@ -19,7 +19,7 @@ from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
 from ..errors import SceneError
 from ..friction import GivenFriction, ScriptFriction
-from ..plasticity.surface import PlasticFields, SurfaceFit
+from ..plasticity.surface import SurfaceFit
 from ..press import REACH, Press
 from ..release import is_held, let_go
 from ..scene.keys import Scene
@@ -171,14 +171,13 @@ def _flowed(step: Step, assembly: Assembly) -> tuple[BoolArray, FloatArray]:
     if flow is None:
         return np.zeros(body.line.facets, dtype=np.bool_), np.zeros((body.line.facets, 2))
     own = flow["axle"].state
-    past = PlasticFields(strain=own.strain, accumulated=own.accumulated, back=own.back.sum(axis=1))
-    displacement = body.back_substitute(state.seat_load[:, None]) + body.solve(plastic.load(past.strain)[:, None])
-    stress = StressEvaluator(body).stress(displacement)[:, :, 0] - plastic.moduli @ past.strain.T
+    displacement = body.back_substitute(state.seat_load[:, None]) + body.solve(plastic.load(own.strain)[:, None])
+    stress = StressEvaluator(body).stress(displacement)[:, :, 0] - plastic.moduli @ own.strain.T
     (n_r, n_z), pressure, shear = body.line.normals.T, step.facets.pressure, step.facets.traction
     traction = np.stack([-pressure * n_r - shear * n_z, -pressure * n_z + shear * n_r], axis=1)
     fit, of_nodes = SurfaceFit(plastic), nodal_stress(body, displacement[:, 0], traction)
-    nodes, order = fit.flowed(past.accumulated, of_nodes), body.line.order
-    of_nodes[nodes] = fit.stress(np.flatnonzero(nodes), stress, past, traction)
+    nodes, order = fit.flowed(own.accumulated, of_nodes), body.line.order
+    of_nodes[nodes] = fit.stress(np.flatnonzero(nodes), stress, own, traction)
     rr, zz, tt, rz = (facet_mean(each, order).real for each in of_nodes.T.astype(np.complex128))
     flowed = np.logical_or.reduce([nodes[k : len(nodes) - order + k : order] for k in range(order + 1)])
     return flowed, np.stack([n_z**2 * rr + n_r**2 * zz - 2.0 * n_r * n_z * rz, tt], axis=1)

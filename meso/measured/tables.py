@@ -15,6 +15,7 @@ from macrofit.base.arrays import FloatArray
 from macrofit.base.textfile import TextTable, read_text_table
 from macrofit.base.units import LENGTHS, read_heading
 
+from .clean import MOST_MISSING
 from .keys import MOST_BYTES
 from .raw import RawScan, ScanError, length_unit
 
@@ -62,7 +63,7 @@ def read_archive(path: Path) -> RawScan:
 def read_text(path: Path) -> RawScan:
     """A grid of heights in a text, one row for each place along the slide; a head may say unit and spacing.
 
-    Three columns of which the first two are all the places of a grid are a list, as for `read_points`.
+    Three columns of which the first two are the places of a grid, most of them, are a list, as for `read_points`.
 
     Known in the head are ``[µm]`` after a name, ``spacing = 5 µm`` or ``spacing = 5, 4 µm``, and what
     `macrofit-meso surface` writes there.
@@ -125,11 +126,12 @@ def read_points(path: Path) -> RawScan:
 
 
 def _is_list(numbers: FloatArray) -> bool:
-    """Whether rows of three numbers are points x, y, z: every x goes with every y, once."""
+    """Whether rows of three numbers are points x, y, z: x goes with y once at most, and few are missing on the grid."""
     if numbers.shape[1] != 3 or len(numbers) < 9:
         return False
     x, y = (len(np.unique(column)) for column in numbers[:, :2].T)
-    return min(x, y) > 2 and x * y == len(numbers) == len(np.unique(numbers[:, :2], axis=0))
+    few_missing = (1.0 - MOST_MISSING) * x * y <= len(numbers) <= x * y
+    return min(x, y) > 2 and few_missing and len(np.unique(numbers[:, :2], axis=0)) == len(numbers)
 
 
 def _gridded(x: FloatArray, y: FloatArray, z: FloatArray, unit: float | None) -> RawScan:

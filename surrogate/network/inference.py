@@ -261,21 +261,21 @@ def _slid(options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: 
     """
     places, pairs, nodes = sums.shape
     solved = sums if free else sums[:1]
-    rows, over = solved.reshape(-1, nodes), work[: len(solved)].reshape(-1, nodes)
+    rows, above = solved.reshape(-1, nodes), work.reshape(-1, nodes)
+    over = above[: len(rows)]
     each = np.tile(loads, len(solved))
     # flat faces would be pressed to their mean less the overlap: others not so deep
     touch = touched(rows, _row_sums(rows) / nodes - each / options.stiffness[0], over)
     found = []
     for stiffness in options.stiffness:
         touch = contact_height(rows, each / stiffness, touch, over)
-        heights, squares = touch.height.reshape(-1, pairs), np.einsum("ij,ij->i", over, over).reshape(-1, pairs)
-        overlaps = touch.overlap.reshape(-1, pairs)
-        if not free and places > 1:
-            rest = touched(sums[1:].reshape(-1, nodes), np.tile(heights[0], places - 1), work[1:].reshape(-1, nodes))
-            overlaps = np.concatenate([overlaps, rest.overlap.reshape(-1, pairs)])
-            more = np.einsum("ij,ij->i", *[work[1:].reshape(-1, nodes)] * 2).reshape(-1, pairs)
-            squares = np.concatenate([squares, more])
-        found.append(_response(overlaps, squares, heights, stiffness / nodes, loads))
+        overlaps = touch.overlap
+        if not free:  # the other places lie at the height of the first
+            _overlap(sums[1:].reshape(-1, nodes), np.tile(touch.height, places - 1), above[pairs:])
+            overlaps = np.concatenate([overlaps, _row_sums(above[pairs:])])
+        squares = np.einsum("ij,ij->i", above, above).reshape(places, pairs)
+        heights = touch.height.reshape(-1, pairs)
+        found.append(_response(overlaps.reshape(places, pairs), squares, heights, stiffness / nodes, loads))
     return SlideNumbers(*(np.stack(column, axis=1).astype(np.float32) for column in zip(*found, strict=True)))
 
 

@@ -17,7 +17,7 @@ from small import NO_FIELDS, small_press, solved
 
 from macrofit.cli import main
 from macrofit.errors import SceneError
-from macrofit.results.doubts import doubts, interpenetration
+from macrofit.results.doubts import doubtful_runs, doubts, interpenetration, large_strain
 from macrofit.results.foresight import foreseen
 from macrofit.scene import Scene, load_scene, scene_names
 from macrofit.solution import Solution, energy_balance
@@ -197,6 +197,17 @@ def test_check_says_what_is_known_before(tmp_path: Path) -> None:
     assert shown.exit_code == 0
     assert "\nDoubtful: sharp corners: the force ripples" in shown.stdout
     assert "wheel.chamfer_blend (150 in wheelset)" in shown.stdout
+
+
+def test_a_strain_that_is_no_number_is_doubtful() -> None:
+    assert large_strain(0.1) == []
+    assert large_strain(0.11)[0].startswith("large strain: the steel flowed by 0.11")
+    assert large_strain(np.nan)[0].startswith("large strain: the steel flowed by nan")
+
+
+def test_runs_are_counted_by_the_kind_of_doubt_and_the_first_is_said() -> None:
+    runs = [["held: 3 facets"], [], ["held: 5 facets", "held: 6 facets", "energy: 2 %"]]
+    assert doubtful_runs(runs) == ["Doubtful: 2 of 3 runs, held: 3 facets", "Doubtful: 1 of 3 runs, energy: 2 %"]
 
 
 def test_study_counts_doubts(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from macrofit.bodies import kept, mesh
 from macrofit.bodies.geometry import Drawing, Sizes, draw_body
 from macrofit.bodies.mesh import MeshData, mesh_drawing
 from macrofit.scene import load_scene
+from macrofit.scene.keys import MeshFile
 
 COARSE, GROWTH = 30.0, 0.6
 
@@ -51,7 +53,7 @@ def test_a_drawing_is_meshed_once(cache: Path, monkeypatch: pytest.MonkeyPatch) 
     assert same(first, mesh._meshed(drawing(), COARSE, GROWTH))
 
 
-def test_all_that_decides_a_mesh_is_in_its_name(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_that_decides_a_mesh_is_in_its_name(cache: Path) -> None:
     base = drawing()
     sizes = base.sizes
     names = {
@@ -59,21 +61,30 @@ def test_all_that_decides_a_mesh_is_in_its_name(cache: Path, tmp_path: Path, mon
         for each in (
             (base, COARSE, GROWTH), (base, 29.0, GROWTH), (base, COARSE, 0.5),
             (drawing("axle.seat_length=181"), COARSE, GROWTH), (replace(base, contact="bore"), COARSE, GROWTH),
-            (replace(base, sizes=replace(sizes, corner=1.0)), COARSE, GROWTH),
+            *((replace(base, sizes=replace(sizes, **{size: 0.9})), COARSE, GROWTH) for size in vars(sizes)),
             (replace(base, edges=tuple(replace(edge, corner=True) for edge in base.edges)), COARSE, GROWTH),
             (replace(base, edges=(replace(base.edges[0], name="held"), *base.edges[1:])), COARSE, GROWTH),
         )
     }  # fmt: skip
-    monkeypatch.setenv("GMSH_HOME", str(tmp_path))
-    (tmp_path / ".gmshrc").write_text("Mesh.Smoothing = 5;")
-    kept._mesher.cache_clear()
-    names.add(kept.mesh_file(base, COARSE, GROWTH))
-    kept._mesher.cache_clear()
-    assert len(names) == 9
+    assert len(names) == 10
     assert None not in names
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another", "beyond", "renamed"])
+def test_the_mesher_is_in_the_name_too(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The interface of gmsh, the user's settings of it, and the code that asks it: each gives another name."""
+    files = ["gmsh.py", ".gmshrc", ".gmsh-options", "mesh.py", "triangles.py", "kept.py"]
+    names = set()
+    for changed in (None, *files):
+        monkeypatch.setattr(
+            Path, "read_bytes", lambda file, changed=changed: file.name[: file.name == changed].encode()
+        )
+        kept._mesher.cache_clear()
+        names.add(kept.mesh_file(drawing(), COARSE, GROWTH))
+    kept._mesher.cache_clear()
+    assert len(names) == 1 + len(files)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another", "another drawing's", "renamed"])
 def test_a_damaged_mesh_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
     first = mesh_drawing(drawing(), COARSE, GROWTH)
     (file,) = cache.iterdir()
@@ -81,8 +92,9 @@ def test_a_damaged_mesh_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPat
     if damage == "flipped":
         middle = len(data) // 2
         file.write_bytes(data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :])
-    elif damage == "beyond":
-        kept.keep(file, replace(first, triangles=first.triangles + 1))
+    elif damage == "another drawing's":
+        mesh_drawing(drawing("axle.seat_length=181"), COARSE, GROWTH)
+        next(each for each in cache.iterdir() if each != file).replace(file)
     elif damage == "renamed":
         file.write_bytes(data.replace(b"edges of seat", b"edges of seau"))
     elif damage == "another":
@@ -98,8 +110,10 @@ def test_a_damaged_mesh_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPat
     assert len(made) == 1
 
 
-def test_a_folder_that_cannot_be_written_is_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MACROFIT_CACHE", os.devnull)
+@pytest.mark.parametrize("folder", [os.devnull, f"/{300 * 'a'}"])
+def test_a_folder_that_cannot_be_written_is_done_without(folder: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MACROFIT_CACHE", folder)
+    assert not kept.all_kept(load_scene("wheelset"))
     assert len(mesh_drawing(drawing(), COARSE, GROWTH).points)
 
 
@@ -121,6 +135,7 @@ def test_a_scene_says_whether_it_needs_a_mesher(cache: Path) -> None:
         mesh_drawing(draw_body(spec, contact, Sizes.of(scene.mesh, contact)), scene.mesh.coarse, scene.mesh.growth)
     assert kept.all_kept(scene)
     assert not kept.all_kept(load_scene("wheelset", ["mesh.seat_facet=9"]))
+    assert kept.all_kept(msgspec.structs.replace(scene, axle=MeshFile()))
 
 
 def test_two_processes_at_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,8 @@ import pytest
 
 from macrofit.base.arrays import FloatArray
 from macrofit.plasticity.law import Hardening, PointState, deviator, equivalent, flow, overshoot
+from macrofit.plasticity.material import limit_load
+from macrofit.scene import load_scene
 
 E, NU = 206e3, 0.3
 G = E / (2.0 * (1.0 + NU))
@@ -51,6 +53,21 @@ def test_the_limit_is_what_is_borne_after_any_flow(name: str) -> None:
     assert law.limit == (pytest.approx(last) if name in ("ideal", "table") else np.inf)
     recalled = Hardening(yield_stress=250.0, moduli=(90e3, 20e3), recalls=(900.0, 120.0), saturation=40.0, rate=8.0)
     assert recalled.limit == pytest.approx(250.0 + 100.0 + 20e3 / 120.0 + 40.0)
+    assert Hardening(yield_stress=250.0, moduli=(0.0,), recalls=(0.0,)).limit == 250.0  # a line of no slope
+
+
+@pytest.mark.parametrize("softer", ["axle", "wheel"])
+def test_a_limit_load_is_that_of_the_softer_surface(softer: str) -> None:
+    """Friction up to it slides; an elastic body, or one that hardens, has none."""
+    stresses = {"axle": 500.0, "wheel": 500.0} | {softer: 250.0}
+    keys = [f"{body}.material.yield_stress={stress}" for body, stress in stresses.items()]
+    k = 250.0 / np.sqrt(3.0)
+    assert limit_load(load_scene("wheelset", keys), np.array([0.0, 0.999 * k])) == ""
+    assert "at 144 MPa, its limit load" in limit_load(load_scene("wheelset", keys), np.array([0.0, 1.001 * k]))
+    rigid = load_scene("wheelset", [*keys, f"{softer}.material.elastic=true"])
+    assert "at 289 MPa" in limit_load(rigid, np.array([1e3]))
+    assert limit_load(load_scene("wheelset"), np.array([1e9])) == ""
+    assert limit_load(load_scene("wheelset", keys), np.empty(0)) == ""
 
 
 @pytest.mark.parametrize("name", LAWS)

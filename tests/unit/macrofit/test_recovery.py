@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -15,8 +17,9 @@ from macrofit.bodies.recovery import Patches
 from macrofit.bodies.stress import StressEvaluator
 from macrofit.bodies.surface import line_traction, surface_stress, to_line
 from macrofit.plasticity.body import PlasticBody
-from macrofit.plasticity.law import Hardening
-from macrofit.plasticity.surface import PlasticFields, SurfaceFit
+from macrofit.plasticity.history import FlowHistory
+from macrofit.plasticity.law import Hardening, PointState
+from macrofit.plasticity.surface import NEAREST, POINTS, SurfaceFit
 from macrofit.scene import load_scene
 
 
@@ -145,6 +148,19 @@ def test_planes_through_the_points_beside_the_line(order: int, name: str) -> Non
     assert np.abs(fit.at(nodes, polynomial(evaluator.places, 1).T) - exact).max() <= 1e-8 * np.abs(exact).max()
 
 
+def test_the_nearest_points_of_a_plane_count_most() -> None:
+    """The plane of least sum of (distance to it)^2 / (distance from the node), of any field."""
+    made, evaluator = body("axle", 2)
+    values, node = np.random.default_rng(2).standard_normal(len(evaluator.places)), 9
+    offset = evaluator.places - made.line.nodes[node]
+    near = np.argsort(np.hypot(*offset.T))[:POINTS]
+    distance = np.hypot(*offset[near].T)
+    terms, weight = np.column_stack([np.ones(POINTS), offset[near]]), 1.0 / (distance / distance[-1] + NEAREST)
+    expected = np.linalg.solve(terms.T * weight @ terms, terms.T * weight @ values[near])[0]
+    fit = SurfaceFit(PlasticBody(made, Hardening(yield_stress=300.0)))
+    assert fit.at(np.array([node]), values) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("grown", [0.5, 1.0, 3.0])
 def test_a_line_that_flowed_has_its_traction_and_its_yield_stress(grown: float) -> None:
     """Uniform stress, back-stress and hardening: s - X is drawn back to R where it is beyond, and only there."""
@@ -156,9 +172,8 @@ def test_a_line_that_flowed_has_its_traction_and_its_yield_stress(grown: float) 
     sigma = back + sigma * grown * radius / von_mises(sigma)
     n_r, n_z = made.line.normals.T
     traction = np.stack([sigma[0] * n_r + sigma[3] * n_z, sigma[3] * n_r + sigma[1] * n_z], axis=1)
-    plastic = PlasticFields(
-        strain=np.zeros((count, 4)), accumulated=np.full(count, 0.01), back=np.tile(back, (count, 1))
-    )
+    backs = np.tile(np.stack([0.3 * back, 0.7 * back]), (count, 1, 1))
+    plastic = replace(PointState.virgin(count, 2), accumulated=np.full(count, 0.01), back=backs)
     nodes = np.arange(1, len(made.line.nodes), 2)  # middles, whose traction is their facet's
     found = fit.stress(nodes, np.tile(sigma[:, None], count), plastic, traction)
     n_r, n_z, normal, shear = line_traction(made, traction)[:, nodes]
@@ -184,3 +199,29 @@ def test_where_a_line_flowed() -> None:
     assert fit.flowed(accumulated, elastic)[seat].all()
     accumulated = np.maximum(0.0, 1e-3 * depth)
     assert not fit.flowed(accumulated - accumulated.min(), elastic)[seat][3:-3].any()
+    third = np.argsort(np.hypot(*(evaluator.places - made.line.nodes[9]).T))[2]
+    alone = np.where(np.arange(len(accumulated)) == third, 1.0, 0.0)
+    assert fit.at(np.array([9]), alone)[0] > 0.0
+    assert not fit.flowed(alone, 0.0 * elastic)[9]
+
+
+def test_a_history_has_what_the_points_remember_after_each_increment() -> None:
+    """Of increments asked for in batches: what one changed stays until another changes it."""
+    plastic = PlasticBody(body("axle", 1)[0], Hardening(yield_stress=300.0, moduli=(1e4,), recalls=(9.0,)))
+    rng = np.random.default_rng(5)
+
+    def change(points: list[int]) -> dict[str, FloatArray]:
+        new = PointState.virgin(len(points), 1)
+        return {"points": np.array(points)} | {name: rng.random(part.shape) for name, part in vars(new).items()}
+
+    changes = [None, change([3, 5]), None, change([5, 8])]
+    history = FlowHistory(plastic, changes)
+    assert history.any == [False, True, True, True]
+    (rest,), (first, second), (last,) = history.at([0]), history.at([1, 2]), history.at([3])
+    assert first.strain is second.strain
+    for name in vars(rest):
+        assert not getattr(rest, name).any()
+        assert np.array_equal(getattr(first, name)[[3, 5]], changes[1][name])  # type: ignore[index]
+        assert np.array_equal(getattr(last, name)[[5, 8]], changes[3][name])  # type: ignore[index]
+        assert np.array_equal(getattr(last, name)[3], getattr(first, name)[3])
+        assert not getattr(first, name)[8].any()

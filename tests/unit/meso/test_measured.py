@@ -263,6 +263,14 @@ def test_points_in_a_text_and_a_unit_in_bytes_are_known(heights: np.ndarray, tmp
     raw = read_scan(tmp_path / "a.txt")
     assert raw.spacing == pytest.approx(STEP)
     assert np.allclose(raw.heights, heights)
+    some = np.delete(np.stack([x.ravel(), y.ravel(), heights.ravel()], axis=1), [7, 40, 41], axis=0)
+    np.savetxt(tmp_path / "c.csv", some, delimiter=",", header="x [mm], y [mm], z [um]")  # without a signal, no point
+    raw = read_scan(tmp_path / "c.csv")
+    assert (raw.spacing, raw.unit) == (pytest.approx(STEP), 1e-3)
+    assert np.flatnonzero(np.isnan(raw.heights)).tolist() == [7, 40, 41]
+    assert np.nanmax(np.abs(raw.heights - heights)) < 1e-12
+    np.savetxt(tmp_path / "d.txt", np.round(heights[:, :3], 3))  # rows of few heights are no places
+    assert read_scan(tmp_path / "d.txt").heights.shape == (SHAPE[0], 3)
     np.savetxt(tmp_path / "b.txt", heights[:, :3])
     assert read_scan(tmp_path / "b.txt").heights.shape == (SHAPE[0], 3)
     np.savez(tmp_path / "a.npz", heights=heights, spacing=STEP, unit=np.bytes_("um"))
@@ -279,6 +287,7 @@ UNITS = {
     "MM": 1.0,
     "[nm]": 1e-6,
     "inch": 25.4,
+    "Nanometers": 1e-6,
 }
 
 

@@ -66,6 +66,24 @@ def test_columns_are_cut_from_one_plane(levels: int) -> None:
     assert np.array_equal(face.heights[:-1], h[side : 8 * side, side : 2 * side + 1])
 
 
+@pytest.mark.parametrize("together", [1, 4, 5])
+def test_a_long_piece_is_made_in_blocks(together: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No block is larger than is allowed, the last only as large as it has to be, and all have the same bits."""
+    keys = FaceKeys(levels=2)
+    whole, made = rough_face(keys, "axle", STRIP + 5, (10.0, 1.0)).heights, []
+    squares = strip._squares
+
+    def counted(*given: Any) -> Any:
+        made.append(given[-1])
+        return squares(*given)
+
+    monkeypatch.setattr(strip, "_squares", counted)
+    monkeypatch.setattr(strip, "TOGETHER", together * 16 + 15)
+    assert np.array_equal(rough_face(keys, "axle", STRIP + 5, (10.0, 1.0)).heights, whole)
+    assert max(made) == together
+    assert sum(made) == 11  # with that of the last row
+
+
 def test_a_spectral_strip_is_one_convolution() -> None:
     """Its noise under its kernel, on seven columns at once: to the rounding of the transforms."""
     margin, cells = 8, 8

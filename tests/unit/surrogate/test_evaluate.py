@@ -244,7 +244,9 @@ def test_a_strip_that_was_learned_is_known_by_any_place_on_it(networks: dict[str
 def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     """Half of the pairs at 20 MPa, half at 200; errors of 3 and 1 % from 0.05 on, and of 50 % below."""
     light = np.arange(PAIRS) < PAIRS // 2
-    samples = replace(SAMPLES, pressure=np.where(np.repeat(light, PACKINGS), 20.0, 200.0))
+    remark = np.zeros_like(SAMPLES.remark)
+    remark[1 : 10 * PACKINGS : PACKINGS] = b"x"  # of one packing of ten pairs
+    samples = replace(SAMPLES, pressure=np.where(np.repeat(light, PACKINGS), 20.0, 200.0), remark=remark)
     data = arrange_tests(samples)
     share = np.where(light, 0.03, 0.01)[:, None] * np.array([50.0, 1.0, 1.0, 1.0])
     share[:, 0] = 0.5
@@ -254,6 +256,9 @@ def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     assert [row["pairs"] for row in found.values()] == [60, 30, 30, 60, 60]
     assert [row["error"] for row in found.values()] == pytest.approx([0.02, 0.03, 0.01, 0.02, 0.5])
     assert [row["coverage_90"] for row in found.values()] == pytest.approx([0.5, 1.0, 0.0, 0.5, 0.5], abs=0.1)
+    doubtful, settled = parts["doubtful"], parts["settled"]
+    assert (doubtful["pairs"], settled["pairs"]) == (10, 50)
+    assert (doubtful["error"], settled["error"]) == pytest.approx((0.03, (20 * 0.03 + 30 * 0.01) / 50))
     assert found["all"]["standard_error"] == pytest.approx(0.01 / np.sqrt(59.0))
     assert found["all"]["floor"] == pytest.approx(SCATTER * np.sqrt(2.0 / np.pi) / np.sqrt(PACKINGS), rel=0.15)
     assert found["all"]["error_over_mean"] == pytest.approx(0.02, rel=0.05)

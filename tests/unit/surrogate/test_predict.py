@@ -152,6 +152,8 @@ def test_answers_are_those_of_torch(more: dict[str, Any]) -> None:
     answers = model.predict_prepared(*expected, torch.from_numpy(COEFFICIENTS)[:, None])
     assert np.allclose(slopes, expected[0], rtol=1e-5, atol=1e-7)
     assert np.allclose(features, expected[1], rtol=2e-5, atol=1e-7)
+    laws = torch.stack([*model.member_laws(*map(torch.from_numpy, (slopes, features)))])
+    assert np.allclose(trained.member_laws(slopes, features), laws, rtol=1e-4, atol=1e-7)
     assert np.allclose(mean, answers[0][:, 0], rtol=1e-5, atol=1e-6)
     assert np.allclose(spread, answers[1][:, 0], rtol=1e-4, atol=1e-6)
 

@@ -13,6 +13,7 @@ from untrained import untrained
 
 import surrogate.tiles
 from macrofit.base.arrays import IntArray
+from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
 from surrogate.data.faces import generated_face, generated_faces, sampled_heights
@@ -159,8 +160,8 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
     assert asked.faces == len(drawn) == len(set(drawn)) == sum(COUNTS)
 
 
-def test_faces_are_made_in_blocks(energy: Predictor) -> None:
-    """Of a strip, where they share most of their work; others are made one by one."""
+def test_faces_are_made_in_blocks(energy: Predictor, paper: Predictor) -> None:
+    """Of a strip, where they share most of their work; others, and for convolutions, are made one by one."""
     counts = 3 * FACES_TOGETHER, FACES_TOGETHER + 5
     asked = Tiles(energy, SEED, SURFACE, counts)
     asked.predict(np.array([FACES_TOGETHER + 3]), np.array([FACES_TOGETHER + 2]), 0.05)
@@ -168,6 +169,19 @@ def test_faces_are_made_in_blocks(energy: Predictor) -> None:
     alone = Tiles(energy, SEED, FaceKeys(**KEYS, form="tiles"), counts)
     alone.predict(np.array([FACES_TOGETHER + 3]), np.array([FACES_TOGETHER + 2]), 0.05)
     assert alone.faces == 2
+    convolved = Tiles(paper, SEED, SURFACE, counts)
+    convolved.predict(np.array([FACES_TOGETHER + 3]), np.array([FACES_TOGETHER + 2]), 0.05)
+    assert convolved.faces == 2
+
+
+@pytest.mark.parametrize("use", ["face", "strip"])
+def test_measured_faces_made_together(use: Any, tmp_path: Path) -> None:
+    """A face is the middle of its file for each tile, which pieces of a longer one are not."""
+    np.save(tmp_path / "a.npy", np.random.default_rng(4).standard_normal((1001, 121)))
+    scan = ScanKeys(files=(str(tmp_path / "a.npy"),), unit="um", spacing=0.01, use=use).found()
+    faces = generated_faces("axle", 65536 * SEED + 3, 3, FaceKeys(axle=scan), POINTS)
+    for k, face in enumerate(faces):
+        assert np.array_equal(face, generated_face("axle", 65536 * SEED + 3 + k, FaceKeys(axle=scan), POINTS))
 
 
 @pytest.mark.parametrize("points", [9, 17, 26])
