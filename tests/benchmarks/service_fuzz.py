@@ -187,7 +187,7 @@ def held(found: Service) -> Judged:
     doubts: list[str] = told["doubts"]
     wrong = list(BREAKS)
     for revolution in found.turned.revolutions:
-        wrong += [text for moment in revolution.moments for text in out_of_balance(found, moment)]
+        wrong += [text for moment in revolution.moments for text in out_of_balance(found, moment, REST[0])]
         if not revolution.friction_work >= -1e-6:
             wrong.append(f"friction gives {revolution.friction_work:.3g} N mm")
     if not doubts:
@@ -208,12 +208,12 @@ def unsteady(last: rotation.Revolution) -> list[str]:
     return out
 
 
-def out_of_balance(found: Service, moment: rotation.Moment) -> list[str]:
-    """Which forces and moments of the wheel the tractions do not carry; the loads stand still at the angle 0."""
+def out_of_balance(found: Service, moment: rotation.Moment, rest: FloatArray) -> list[str]:
+    """Which forces and moments of the wheel the tractions do not carry beyond those at ``rest`` (K, 3, m)."""
     whole, fit, keys = found.whole, found.whole.fit, found.whole.loads.keys
-    angle = 2.0 * np.pi * (np.arange(len(moment.traction)) / len(moment.traction) - moment.time)[:, None]
+    angle = 2.0 * np.pi * (np.arange(len(rest)) / len(rest) - moment.time)[:, None]  # loads stand still at the angle 0
     n_r, n_z = fit.normals.T
-    normal, along, around = np.moveaxis(moment.traction - REST[0], 1, 0)
+    normal, along, around = np.moveaxis(moment.traction - rest, 1, 0)
     radial, axial = n_r * normal - n_z * along, n_z * normal + n_r * along
     bore = fit.coupling.bore
     radius, z = (bore.matrix[fit.chosen] @ fit.lines[1].nodes[bore.span]).T  # where they act on the wheel
@@ -231,7 +231,7 @@ def out_of_balance(found: Service, moment: rotation.Moment) -> list[str]:
         ),
         "tilt aside": (across[1] * z - axial * lever[1], 0.0),
     }
-    pressed = float(np.abs(REST[0][:, 0]).mean(axis=0) @ fit.weight)
+    pressed = float(np.abs(rest[:, 0]).mean(axis=0) @ fit.weight)
     size = float(radius.mean())
     scale = keys.journal_force + abs(keys.lateral_force) + abs(keys.torque) / size + 1e-4 * pressed
     out = []

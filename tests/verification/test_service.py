@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benchmarks.service_fuzz import out_of_balance
 from small import small_press
 
 from macrofit.bodies.elasticity import von_mises
@@ -100,6 +101,25 @@ def test_wheel_is_in_balance_at_all_times() -> None:
     turned = 2.0 * np.pi * moment.time
     load = found.whole.loads.keys.journal_force * np.array([np.cos(turned), np.sin(turned)])
     assert across / found.turned.angles == pytest.approx(-load, abs=1e-6 * np.abs(load).max())
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_wheel_on_a_cone_under_all_loads_is_in_balance(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
+    rest, at_rest = [], rotation.Rotation.rest
+
+    def noted(turning: rotation.Rotation) -> rotation.Moment:
+        rest.append(at_rest(turning).traction)
+        return at_rest(turning)
+
+    monkeypatch.setattr(rotation.Rotation, "rest", noted)
+    cone = small(
+        "axle.taper=0.0033", "wheel.bore_taper=0.0033", "wheel.material.youngs_modulus=1.1e5", f"mesh.order={order}",
+        "mesh.seat_facet=14", "mesh.coarse=60", "motion.increment=30", "service.lateral_force=2e4",
+        "service.torque=1e6", "service.harmonics=1", "service.steps=3", "service.revolutions=1",
+    )  # fmt: skip
+    found = serve(cone)
+    assert len(found.moments) == 4
+    assert [out_of_balance(found, moment, rest[0]) for moment in found.moments] == [[]] * 4
 
 
 def test_places_that_are_left_out_would_not_have_touched(monkeypatch: pytest.MonkeyPatch) -> None:
