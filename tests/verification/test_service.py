@@ -13,6 +13,7 @@ from macrofit.bodies.elasticity import von_mises
 from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping, wheelset
+from macrofit.service.bonded import one_harmonic
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
 from macrofit.service.seat_stress import MM, MT, TT
@@ -188,7 +189,7 @@ def test_stress_of_the_surface_far_from_the_hub_is_that_of_a_beam() -> None:
     assert first[:, MT] == pytest.approx(shear[0], rel=4e-2)
     assert np.abs(first[:, TT]).max() < 5e-3 * bonded.nominal[before].max()
     # a force around the bore, of radius 49.95, is handed over at that of the seat, 50
-    zero = -1j * bonded.harmonics[0].stress[behind]
+    zero = -1j * one_harmonic(found.whole, 0).stress[behind]
     assert zero[:, MT].real == pytest.approx(-3e6 * section.outer / (2.0 * section.second_moment) / 0.999, rel=1e-3)
     assert (1j * zero[:, MM]).real == pytest.approx(-2e4 / (np.pi * section.outer**2), rel=2e-2)
 
@@ -283,6 +284,12 @@ def test_a_loose_wheel_that_tilts_and_opens_finds_its_equilibrium(monkeypatch: p
     monkeypatch.setattr(rotation, "search_step", slipping.solve_step)
     with pytest.raises(ConvergenceError, match="no equilibrium was found"):
         serve(loose)
+
+
+def test_where_all_slips_and_nothing_holds_the_wheel_slip_is_viscous() -> None:
+    free = 1e5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found = slipping._regular_solution(free, np.array([10.0, 10.0]))
+    assert found == pytest.approx(10.0 / (slipping.VISCOUS * slipping.RHO), rel=1e-6)
 
 
 def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
