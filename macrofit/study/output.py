@@ -123,7 +123,7 @@ class StudyProgress:
 
 
 def csv_text(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as CSV."""
+    """Rows of cells as the text of a CSV file."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()

@@ -105,8 +105,8 @@ def unit_doubts(nominal: float) -> list[str]:
     if not 0.0 < nominal < LEAST_STRESS:
         return []
     return [
-        f"the nominal stress is {nominal:.2g} MPa, and axles at work have 50 to 150: state service.journal_force in N and "
-        f"service.journal_moment in N mm"
+        f"the nominal stress is {nominal:.2g} MPa, and axles at work have 50 to 150: state service.journal_force in N "
+        f"and service.journal_moment in N mm"
     ]
 
 
