@@ -1,8 +1,9 @@
-"""The inputs of a page: the section to scale, and every key of the scene."""
+"""What the pages of computations share: their numbers, pictures and provenance; the section and every key."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -11,7 +12,31 @@ from markupsafe import Markup
 from ..base.progress import printable
 from ..errors import MacrofitError
 from ..scene import Scene
-from .page import inline
+from .page import Numbers, inline, pictures
+
+MOST_PICTURES = 900_000
+"""Bytes of all pictures, beside what the slider of a run needs."""
+NO_PROVENANCE: dict[str, Any] = {"date": "not recorded", "command": "not recorded", "scene_sha256": "not recorded",
+                 "files_sha256": {}, "friction_digest": None}  # fmt: skip
+"""What a run of an older version has."""
+
+
+def computed(folder: Path, scene: Scene, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """What the template `computed.html` is filled with, of the numbers of a folder."""
+    section, no_section = drawn_section(scene)
+    shown, left_out = pictures(folder, MOST_PICTURES)
+    return {
+        "title": printable(scene.title) or folder.resolve().name,
+        "folder": printable(str(folder)),
+        "number": Numbers(numbers),
+        "numbers": numbers,
+        "section": section,
+        "no_section": no_section,
+        "keys": list(keys_of(scene)),
+        "pictures": shown,
+        "left_out": left_out,
+        "provenance": NO_PROVENANCE | numbers.get("provenance", {}),
+    }
 
 
 def drawn_section(scene: Scene) -> tuple[Markup, str]:

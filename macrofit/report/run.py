@@ -13,18 +13,15 @@ from markupsafe import Markup
 from ..acceptance import Verdict, judge_scene, load_standard
 from ..base.arrays import FloatArray
 from ..base.figure import BLUE, VERMILION
-from ..base.progress import printable
 from ..results.curves import without_rounding
 from ..results.folder import CURVE, INTERFACE, SCENE, SUMMARY, read_table
 from ..scene import Scene, load_scene
 from .chart import Frame, Window, bands, curve_frame, names, path
-from .inputs import drawn_section, keys_of
-from .page import Numbers, pictures, read_json
+from .inputs import computed
+from .page import read_json
 from .seat import read_seat, seat_view
 
 NEEDED = ("peak_force_N", "max_von_mises_MPa", "verdict", "doubts", "counters", "versions", "energy_balance")
-MOST_PICTURES = 900_000
-"""Bytes of all pictures, beside what the slider needs."""
 BALANCES = {
     "force_balance": "Largest difference between the pushing force and the reactions of the supports, over the force",
     "energy_balance": "Work of the press against stored and dissipated energy, over the largest of them",
@@ -38,9 +35,6 @@ TIMES = {
     "dofs": "Degrees of freedom", "setup_cpu_s": "Set-up [CPU s]", "increments_cpu_s": "Increments [CPU s]",
     "stress_cpu_s": "Stress [CPU s]", "total_cpu_s": "Together [CPU s]",
 }  # fmt: skip
-NO_PROVENANCE: dict[str, Any] = {"date": "not recorded", "command": "not recorded", "scene_sha256": "not recorded",
-                 "files_sha256": {}, "friction_digest": None}  # fmt: skip
-"""What a run of an older version has."""
 
 
 def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = None) -> dict[str, Any]:
@@ -59,24 +53,13 @@ def run_page(folder: Path, *, standard: str | None = None, wheel: str | None = N
     frame = curve_frame(clear["displacement_mm"], clear["force_N"] / 1e3)
     seat = read_seat(folder / INTERFACE, len(curve["force_N"]))
     view = None if seat is None else seat_view(seat, curve, frame)
-    section, no_section = drawn_section(scene)
-    shown, left_out = pictures(folder, MOST_PICTURES)
-    return {
-        "title": printable(scene.title) or folder.resolve().name,
-        "folder": printable(str(folder)),
-        "number": Numbers(numbers),
-        "numbers": numbers,
+    return computed(folder, scene, numbers) | {
+        "what": "a press fit",
         "verdict": verdict,
-        "section": section,
-        "no_section": no_section,
-        "keys": list(keys_of(scene)),
         "curve": _curve(clear, frame, verdict, Markup("") if view is None else view["dot"]),
         "seat": view,
-        "pictures": shown,
-        "left_out": left_out,
         "balances": {key: said for key, said in BALANCES.items() if key in numbers},
         "times": {key: said for key, said in TIMES.items() if key in numbers},
-        "provenance": NO_PROVENANCE | numbers.get("provenance", {}),
     }
 
 

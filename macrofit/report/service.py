@@ -12,17 +12,15 @@ from markupsafe import Markup
 from ..base.arrays import FloatArray
 from ..base.figure import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION
 from ..base.files import read_regular
-from ..base.progress import printable
 from ..errors import OutputError
 from ..results.folder import SCENE
 from ..scene import load_scene
 from ..scene.keys import ServiceKeys
 from .chart import Frame, legend, path, span
-from .inputs import drawn_section, keys_of
-from .page import MOST_BYTES, Numbers, pictures, read_json
+from .inputs import computed
+from .page import MOST_BYTES, read_json
 
 NEEDED = ("title", "bonded", "friction", "endurance", "verdict", "doubts", "ended", "versions", "provenance")
-MOST_PICTURES = 900_000
 STRESSES = {
     "nominal_stress_MPa": ("nominal", BLACK, "7 4"),
     "bonded_bending_stress_MPa": ("bonded fit", BLUE, ""),
@@ -68,23 +66,12 @@ def service_page(folder: Path) -> dict[str, Any]:
     numbers = read_json(folder / "service.json", NEEDED)
     scene = load_scene(folder / SCENE)
     scene = msgspec.structs.replace(scene, service=scene.service or ServiceKeys())
-    section, no_section = drawn_section(scene)
-    shown, left_out = pictures(folder, MOST_PICTURES)
-    return {
-        "title": printable(numbers["title"]) or folder.resolve().name,
-        "folder": printable(str(folder)),
-        "number": Numbers(numbers),
-        "numbers": numbers,
+    return computed(folder, scene, numbers) | {
+        "what": "a wheelset in service",
         "verdict": numbers["verdict"],
         "charts": _charts(folder, turned=numbers["friction"] is not None),
         "worst": WORST,
-        "balances": BALANCES if numbers["friction"] is not None else {},
-        "section": section,
-        "no_section": no_section,
-        "keys": list(keys_of(scene)),
-        "pictures": shown,
-        "left_out": left_out,
-        "provenance": numbers["provenance"],
+        "balances": {} if numbers["friction"] is None else {f"friction.{key}": said for key, said in BALANCES.items()},
     }
 
 

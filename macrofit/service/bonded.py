@@ -77,12 +77,10 @@ def seat_stress(whole: Wheelset, n: int, traction: ComplexArray, moved: ComplexA
 
 
 def bonded_solution(whole: Wheelset) -> Bonded:
-    """The bonded solution in the harmonics that bend, push or twist the axle: 1, and 0 where a load needs it."""
-    keys = whole.loads.keys
-    wanted = (0, 1) if keys.lateral_force or keys.torque else (1,)
+    """The bonded solution in the harmonic that bends the axle; what pushes or twists it alone, n = 0, bends nothing."""
     for body in (whole.fit.axle, whole.fit.wheel):
-        body.single = len(wanted) == 1
-    return in_bending(whole, {n: one_harmonic(whole, n) for n in wanted})
+        body.single = True
+    return in_bending(whole, {1: one_harmonic(whole, 1)})
 
 
 def in_bending(whole: Wheelset, found: Mapping[int, Harmonic]) -> Bonded:

@@ -55,6 +55,11 @@ class Service:
     ended: str | None = None  # why it ended early
 
 
+def pressed(scene: Scene) -> Scene:
+    """What the press of a scene depends on: all but the loads."""
+    return msgspec.structs.replace(scene, service=None)
+
+
 class Shared:
     """What computations of the same bodies have in common: factors, and the released fit where only loads differ."""
 
@@ -78,10 +83,10 @@ class Shared:
         """
         if self._assembly_of is None:
             return pressed_and_released(scene, friction, journal)
-        pressed = msgspec.structs.replace(scene, service=None)
-        if self._last is None or self._last[0] != pressed:
+        without_loads = pressed(scene)
+        if self._last is None or self._last[0] != without_loads:
             found = pressed_and_released(scene, friction, journal, self._assembly_of(scene))
-            self._last = pressed, *found
+            self._last = without_loads, *found
         return self._last[1:]
 
     def revolved(self, body: Body, name: str) -> HarmonicBody:

@@ -99,8 +99,7 @@ def distributions(plan: Plan, records: Sequence[RunRecord]) -> Any:
 
 def _histogram(axes: Any, title: str, values: FloatArray) -> None:
     found = statistics(values)
-    bins = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 5, 40))  # Rice's rule
-    axes.hist(values, bins=bins, color=SKY, edgecolor="white", lw=0.6)
+    draw_bars(axes, values, color=SKY)
     mean, low, high = found["mean"], found["percentile_5"], found["percentile_95"]
     axes.axvline(mean, color=BLUE, lw=1.6)
     for edge in (low, high):
@@ -109,5 +108,11 @@ def _histogram(axes: Any, title: str, values: FloatArray) -> None:
         f"{mean:.5g} ± {found['standard_deviation']:.2g}, 5-95 %: {low:.5g} to {high:.5g}", fontsize=9, color=GREY
     )
     axes.set_xlabel(title)
-    axes.set_ylabel("runs")
     axes.margins(x=0.04)
+
+
+def draw_bars(axes: Any, values: FloatArray, **style: Any) -> None:
+    """The numbers of runs of a sample as bars, so many as Rice's rule says."""
+    bins = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 5, 40))
+    axes.hist(values, bins=bins, edgecolor="white", lw=0.6, **style)
+    axes.set_ylabel("runs")

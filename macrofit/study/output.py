@@ -40,12 +40,7 @@ def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
     owned = is_study(path)
     prepare(folder, owned=owned)
     if not resume and owned and not (folder / TOTALS).exists():
-        held = held_digests(path) & {run.digest for run in plan.runs}
-        if held:
-            raise OutputError(
-                f"{folder}: holds an unfinished study with {len(held)} of these runs; continue it with --resume, "
-                f"choose another folder with -o, or delete this one"
-            )
+        refuse_unfinished(folder, path, plan)
     kept = StudyFile(path, replace=not resume)
     remove_drafts(folder, folder / FIELDS)
     if resume:  # what is there stays until it is written anew: a run may still be refused
@@ -57,6 +52,20 @@ def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
         for journal in (folder / RUNS).glob(f"*/{JOURNAL}"):
             shutil.rmtree(journal.parent)
     return kept
+
+
+def refuse_unfinished(folder: Path, path: Path, plan: Plan) -> None:
+    """See that the file of an unfinished study in a folder holds no run of this one.
+
+    Raises:
+        OutputError: it does.
+    """
+    held = held_digests(path) & {run.digest for run in plan.runs}
+    if held:
+        raise OutputError(
+            f"{folder}: holds an unfinished study with {len(held)} of these runs; continue it with --resume, "
+            f"choose another folder with -o, or delete this one"
+        )
 
 
 def run_folder(folder: Path, run: PlannedRun) -> Path:
@@ -80,8 +89,8 @@ def write_study(
 
     verdicts = [_verdict(plan, *pair) for pair in zip(plan.runs, records, strict=True)]
     rows = [_columns(plan), *(_row(plan, *each) for each in zip(plan.runs, records, verdicts, strict=True))]
-    write_text(folder / ROWS, _csv(rows))
-    write_text(folder / CURVES, _csv(_curves(plan, records)))
+    write_text(folder / ROWS, csv_text(rows))
+    write_text(folder / CURVES, csv_text(_curves(plan, records)))
     figures = write_study_figures(folder, plan, records, verdicts)
     numbers = _totals(plan, records, computed, costs) | {"verdicts": _verdict_totals(plan, verdicts)}
     write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
@@ -113,7 +122,8 @@ class StudyProgress:
         say(f"run {self.count:{len(str(self.total))}d}/{self.total}  {told}  {self.labels[digest]}{remaining}")
 
 
-def _csv(rows: Sequence[Sequence[str]]) -> str:
+def csv_text(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of cells as the text of a CSV file."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()

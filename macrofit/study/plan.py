@@ -58,6 +58,14 @@ class Plan:
     script: ScriptFriction | None = None  # friction that a script gives, for the runs that name it
     standard: Standard | None = None  # what the runs are held against; None: EN 13260
 
+    @property
+    def different(self) -> list[PlannedRun]:
+        """The runs that differ: a reference may be one of the varied runs."""
+        first: dict[str, PlannedRun] = {}
+        for run in self.runs:
+            first.setdefault(run.digest, run)
+        return list(first.values())
+
     def friction_of(self, scene: Scene) -> GivenFriction | None:
         """The object that gives a run's friction; None where it is that of an installed provider."""
         named = self.script is not None and scene.friction.provider == self.script.name

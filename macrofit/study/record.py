@@ -68,6 +68,12 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         return self.force_N[top], self.displacement_mm[top]
 
 
+class Named(msgspec.Struct, frozen=True):
+    """What every record says of its run."""
+
+    digest: str
+
+
 class Record(Protocol):
     """What a study keeps of a run."""
 
@@ -145,10 +151,11 @@ def is_study(path: Path) -> bool:
 
 
 def held_digests(path: Path) -> set[str]:
-    """Digests of the runs in a file that may be damaged or missing."""
+    """Digests of the runs in a file of records of any kind, which may be damaged or missing."""
     try:
         data = path.read_bytes()
-        return {msgspec.msgpack.decode(content, type=RunRecord).digest for content, _ in frames(data, len(MAGIC))}
+        first = data.index(b"\n") + 1
+        return {msgspec.msgpack.decode(content, type=Named).digest for content, _ in frames(data, first)}
     except (OSError, ValueError, msgspec.MsgspecError):
         return set()
 

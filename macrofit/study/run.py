@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, TypeVar
 
 import msgspec
 from mpi4py import MPI
@@ -24,7 +25,7 @@ from ..solution import Increment, Solution
 from .fields import lost_fields, save_fields
 from .output import StudyProgress, open_study, run_folder, write_study
 from .plan import Plan, PlannedRun
-from .record import RunRecord, StudyFile
+from .record import RecordFile, RunRecord, StudyFile
 
 MOST_TOGETHER = 8
 """Runs in lockstep: what a rank has in hand, and what a study that is interrupted computes again."""
@@ -39,13 +40,27 @@ def carry_out_study(plan: Plan, comm: MPI.Comm, folder: Path, *, resume: bool, k
     Raises:
         MacrofitError: on all ranks together; what was computed is kept.
     """
+    with opened(plan, comm, lambda: open_study(folder, plan, resume=resume)) as kept:
+        return _compute(plan, comm, folder, kept, resume=resume, keep=keep, quiet=quiet)
+
+
+File = TypeVar("File", bound=RecordFile[Any])
+
+
+@contextmanager
+def opened(plan: Plan, comm: MPI.Comm, open_file: Callable[[], File]) -> Iterator[File | None]:
+    """The file of the runs of a plan, which the first rank alone has. Collective.
+
+    Raises:
+        MacrofitError: on all ranks together; the ranks have different scenes, or it cannot be opened.
+    """
     agree(comm, [run.scene for run in plan.runs])
-    kept: StudyFile | None = None
+    kept: File | None = None
     with raise_together(comm):
         if comm.rank == 0:
-            kept = open_study(folder, plan, resume=resume)
+            kept = open_file()
     try:
-        return _compute(plan, comm, folder, kept, resume=resume, keep=keep, quiet=quiet)
+        yield kept
     finally:
         if kept is not None:
             kept.close()
@@ -59,9 +74,9 @@ def _compute(
         held = [run for run in plan.runs if run.digest in kept.records and asks_for_fields(run.scene)]
         done = set(kept.records) - lost_fields(folder, held)
     done = comm.bcast(done)
-    different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
+    different = plan.different
     worker = RunWorker(plan, folder, resume=resume, keep=keep)
-    whole = groups_of([run for run in plan.runs if different[run.digest] is run], comm.size)
+    whole = groups_of(different, comm.size)
     groups = [left for group in whole if (left := [run for run in group if run.digest not in done])]
     computed = sum(len(group) for group in groups)
     progress = StudyProgress(plan, already=len(different) - computed, quiet=quiet or comm.rank != 0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from .plan import Plan
-from .record import RunRecord
+from .record import Kept, RunRecord
 
 BODIES = ("axle", "wheel")
 
@@ -28,7 +28,7 @@ def statistics(values: FloatArray) -> dict[str, float]:
     }  # fmt: skip
 
 
-def varied(plan: Plan, records: Sequence[RunRecord]) -> list[RunRecord]:
+def varied(plan: Plan, records: Sequence[Kept]) -> list[Kept]:
     """The records of the runs that are no references; of all where nothing is varied."""
     chosen = [record for run, record in zip(plan.runs, records, strict=True) if run.values]
     return chosen or list(records)

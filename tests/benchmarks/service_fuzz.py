@@ -1,4 +1,4 @@
-"""Does a wheelset in service, however loaded, end in a traceback, a hang or a wrong answer without a word?
+"""Does a wheelset in service, however loaded, end in a traceback, a hang or a wrong answer without a doubt?
 
     python -m tests.benchmarks service_fuzz [-n 300] [--seed 1] [--first 0] [--told] [--quick]
 
@@ -10,11 +10,6 @@ one was neither computed soundly, nor doubted, nor refused or ended in one line.
 
 from __future__ import annotations
 
-import argparse
-import sys
-import traceback
-import warnings
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -29,21 +24,20 @@ from macrofit.service.output.numbers import numbers, sentences
 from macrofit.service.run import Service, serve
 from macrofit.service.slipping import Law, Solved
 
-from ._alone import ABORTED, UNFINISHED, alone
-from ._measure import head, row
+from ._fuzz import COMPUTED, DOUBTED, REFUSED, SILENT, DrawnCase, Fuzz, Judged
 
-QUICK = 4
-MOST_CPU_S, MOST_BYTES = 60, 3 * 10**9
+ENDED = "ended in a line"
+KINDS = ("solid axle, long hub", "hollow axle", "short hub", "hollow axle, short hub")
+FUZZ = Fuzz(
+    name="service_fuzz", about=__doc__, count=300, quick=4, column="wheelset", kinds=KINDS,
+    good=(COMPUTED, DOUBTED, REFUSED, ENDED), most_cpu_s=60, most_wall_s=600.0,
+)  # fmt: skip
 ROUNDING = 1e-6
 """Pressure, in the largest one, that counts as none."""
-FORCES, MOMENTS = 1e-5, 1e-2
-"""What may be missing in the balance of the wheel, in its loads; the bore's radius is not quite the seat's."""
+MISSING = 1e-7
+"""What may be missing in the balance of the wheel, in its loads."""
 REPEATS, WORKS, LEAST_WORK = 1e-2, 1e-3, 100.0
 """Change of traction over a revolution, in the largest; work missing in that of friction, or in as much [N mm]."""
-COMPUTED, DOUBTED, REFUSED, ENDED = "computed", "computed, doubted", "refused in a line", "ended in a line"
-TRACEBACK, ABORT, LATE, SILENT = "tracebacks", "aborts", f"unfinished in {MOST_CPU_S} s", "wrong without a word"
-GOOD, BAD = (COMPUTED, DOUBTED, REFUSED, ENDED), (TRACEBACK, ABORT, LATE, SILENT)
-KINDS = ("solid axle, long hub", "hollow axle", "short hub", "hollow axle, short hub")
 BREAKS: list[str] = []
 """How the steps of this process broke the law."""
 REST: list[FloatArray] = []
@@ -52,33 +46,14 @@ REST: list[FloatArray] = []
 
 def main(words: Sequence[str]) -> int:
     """Print a row of each kind of wheelset; 1 where any case was wrong."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.benchmarks service_fuzz", description=__doc__.splitlines()[0]
-    )
-    parser.add_argument("-n", type=int, default=300, help="how many")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--told", action="store_true", help="say what became of each, on stderr")
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK} cases")
-    options = parser.parse_args(words)
-    count = QUICK if options.quick else options.n
-    counted: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
-    wrong: list[str] = []
-    judge(["friction.options.coefficient=0.2", "service.steps=3", *short(200.0)])  # all is imported and compiled
-    for number in range(options.first, options.first + count):
-        kind, overrides = drawn(options.seed, number)
-        said, why = bounded(overrides)
-        counted[kind][said] += 1
-        line = f"{said}: {number} of seed {options.seed}: {' '.join(overrides)}: {why}"
-        wrong += [line] if said in BAD else []
-        if options.told or said in BAD:
-            print(line, file=sys.stderr, flush=True)
-    print(head("wheelset", "cases", *GOOD, *BAD))
-    for kind, counts in [*counted.items(), ("all", sum(counted.values(), Counter()))]:
-        print(row(kind, counts.total(), *(counts[said] for said in (*GOOD, *BAD))))
-    print(f"\nSeed {options.seed}, numbers {options.first} to {options.first + count - 1}.")
-    print("".join(f"\n- {line.splitlines()[0]}" for line in wrong))
-    return int(bool(wrong))
+    options = FUZZ.options(words)
+    judge(["friction.options.coefficient=0.2", "service.steps=3", *short(180.0)])  # all is imported and compiled
+
+    def case(seed: int, number: int) -> DrawnCase:
+        kind, overrides = drawn(seed, number)
+        return DrawnCase(kind=kind, said=" ".join(overrides), judge=partial(judge, overrides))
+
+    return FUZZ.run(options, case)
 
 
 def drawn(seed: int, number: int) -> tuple[str, list[str]]:
@@ -145,34 +120,24 @@ def rarely(rng: np.random.Generator) -> list[str]:
     return out
 
 
-def bounded(overrides: list[str]) -> tuple[str, str]:
-    """What became of a case in a process of its own, and why."""
-    told, how = alone(
-        lambda: "\n".join(judge(overrides)), most_cpu_s=MOST_CPU_S, most_wall_s=10.0 * MOST_CPU_S, most_bytes=MOST_BYTES
-    )
-    if how in (ABORTED, UNFINISHED):
-        return ABORT if how == ABORTED else LATE, told
-    said, _, why = told.partition("\n")
-    return said, why
+def judge(overrides: list[str]) -> Judged:
+    """Press, release and turn; what became of it, and why.
 
-
-def judge(overrides: list[str]) -> tuple[str, str]:
-    """Press, release and turn; what became of it, and why."""
+    Raises:
+        MacrofitError: it was refused before any step broke the law.
+    """
     BREAKS.clear()
     REST.clear()
     rotation.solve_step, rotation.search_step = (partial(checked_step, each) for each in STEPS)
     rotation.Rotation.rest = noted_rest  # type: ignore[method-assign]
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)
-            return held(serve(load_scene("wheelset", overrides)))
+        return held(serve(load_scene("wheelset", overrides)))
     except MacrofitError as error:
-        line = str(error)
-        if not line.strip() or "\n" in line:
-            return TRACEBACK, f"no line: {error}"
-        return (SILENT, BREAKS[0]) if BREAKS else (ENDED if "of the loads at" in line else REFUSED, line)
-    except (Exception, SystemExit):
-        return TRACEBACK, traceback.format_exc()
+        if BREAKS:
+            return SILENT, BREAKS[0]
+        if "of the loads at" not in str(error):
+            raise
+        return ENDED, str(error)
 
 
 STEPS, AT_REST = (rotation.solve_step, rotation.search_step), rotation.Rotation.rest
@@ -214,7 +179,7 @@ def broken(law: Law, traction: FloatArray, slip: FloatArray) -> list[str]:
     return [name for name, breaks in rules.items() if breaks]
 
 
-def held(found: Service) -> tuple[str, str]:
+def held(found: Service) -> Judged:
     """A rotation against what any must be, whatever its wheelset."""
     assert found.turned is not None
     told = numbers(found)
@@ -222,7 +187,7 @@ def held(found: Service) -> tuple[str, str]:
     doubts: list[str] = told["doubts"]
     wrong = list(BREAKS)
     for revolution in found.turned.revolutions:
-        wrong += [text for moment in revolution.moments for text in out_of_balance(found, moment)]
+        wrong += [text for moment in revolution.moments for text in out_of_balance(found, moment, REST[0])]
         if not revolution.friction_work >= -1e-6:
             wrong.append(f"friction gives {revolution.friction_work:.3g} N mm")
     if not doubts:
@@ -243,13 +208,15 @@ def unsteady(last: rotation.Revolution) -> list[str]:
     return out
 
 
-def out_of_balance(found: Service, moment: rotation.Moment) -> list[str]:
-    """Which forces and moments of the wheel the tractions do not carry; the loads stand still at the angle 0."""
+def out_of_balance(found: Service, moment: rotation.Moment, rest: FloatArray) -> list[str]:
+    """Which forces and moments of the wheel the tractions do not carry beyond those at ``rest`` (K, 3, m)."""
     whole, fit, keys = found.whole, found.whole.fit, found.whole.loads.keys
-    angle = 2.0 * np.pi * (np.arange(len(moment.traction)) / len(moment.traction) - moment.time)[:, None]
+    angle = 2.0 * np.pi * (np.arange(len(rest)) / len(rest) - moment.time)[:, None]  # loads stand still at the angle 0
     n_r, n_z = fit.normals.T
-    normal, along, around = np.moveaxis(moment.traction - REST[0], 1, 0)
-    radial, axial, radius = n_r * normal - n_z * along, n_z * normal + n_r * along, whole.scene.axle.seat_radius
+    normal, along, around = np.moveaxis(moment.traction - rest, 1, 0)
+    radial, axial = n_r * normal - n_z * along, n_z * normal + n_r * along
+    bore = fit.coupling.bore
+    radius, z = (bore.matrix[fit.chosen] @ fit.lines[1].nodes[bore.span]).T  # where they act on the wheel
     across = np.cos(angle) * radial - np.sin(angle) * around, np.sin(angle) * radial + np.cos(angle) * around
     lever = np.cos(angle) * radius, np.sin(angle) * radius
     carried = {
@@ -258,17 +225,19 @@ def out_of_balance(found: Service, moment: rotation.Moment) -> list[str]:
         "force along": (axial, keys.lateral_force),
         "torque": (radius * around, keys.torque),
         "tilt": (
-            across[0] * fit.z - axial * lever[0],
-            -keys.journal_force * whole.loads.rail_z - keys.lateral_force * whole.loads.rail_radius,
+            across[0] * z - axial * lever[0],
+            -keys.journal_force * (whole.loads.rail_z - whole.displacement)
+            - keys.lateral_force * whole.loads.rail_radius,
         ),
-        "tilt aside": (across[1] * fit.z - axial * lever[1], 0.0),
+        "tilt aside": (across[1] * z - axial * lever[1], 0.0),
     }
-    pressed = float(np.abs(REST[0][:, 0]).mean(axis=0) @ fit.weight)
-    scale = keys.journal_force + abs(keys.lateral_force) + abs(keys.torque) / radius + 1e-4 * pressed
+    pressed = float(np.abs(rest[:, 0]).mean(axis=0) @ fit.weight)
+    size = float(radius.mean())
+    scale = keys.journal_force + abs(keys.lateral_force) + abs(keys.torque) / size + 1e-4 * pressed
     out = []
     for name, (density, load) in carried.items():
         missing = float(density.mean(axis=0) @ fit.weight) - load
-        least = FORCES * scale if name.startswith("force") else MOMENTS * scale * radius
+        least = MISSING * scale if name.startswith("force") else MISSING * scale * size
         if abs(missing) > least:
             out.append(f"{name} {missing:.3g} missing of {load:.3g} at {moment.time:.3f}")
     return out

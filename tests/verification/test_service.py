@@ -6,12 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benchmarks.service_fuzz import out_of_balance
 from small import small_press
 
 from macrofit.bodies.elasticity import von_mises
 from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping, wheelset
+from macrofit.service.bonded import one_harmonic
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
 from macrofit.service.seat_stress import MM, MT, TT
@@ -102,6 +104,25 @@ def test_wheel_is_in_balance_at_all_times() -> None:
     assert across / found.turned.angles == pytest.approx(-load, abs=1e-6 * np.abs(load).max())
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_wheel_on_a_cone_under_all_loads_is_in_balance(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
+    rest, at_rest = [], rotation.Rotation.rest
+
+    def noted(turning: rotation.Rotation) -> rotation.Moment:
+        rest.append(at_rest(turning).traction)
+        return at_rest(turning)
+
+    monkeypatch.setattr(rotation.Rotation, "rest", noted)
+    cone = small(
+        "axle.taper=0.0033", "wheel.bore_taper=0.0033", "wheel.material.youngs_modulus=1.1e5", f"mesh.order={order}",
+        "mesh.seat_facet=14", "mesh.coarse=60", "motion.increment=30", "service.lateral_force=2e4",
+        "service.torque=1e6", "service.harmonics=1", "service.steps=3", "service.revolutions=1",
+    )  # fmt: skip
+    found = serve(cone)
+    assert len(found.moments) == 4
+    assert [out_of_balance(found, moment, rest[0]) for moment in found.moments] == [[]] * 4
+
+
 def test_places_that_are_left_out_would_not_have_touched(monkeypatch: pytest.MonkeyPatch) -> None:
     found = []
     for margin in (0.0, wheelset.MARGIN, 1e9):
@@ -168,7 +189,7 @@ def test_stress_of_the_surface_far_from_the_hub_is_that_of_a_beam() -> None:
     assert first[:, MT] == pytest.approx(shear[0], rel=4e-2)
     assert np.abs(first[:, TT]).max() < 5e-3 * bonded.nominal[before].max()
     # a force around the bore, of radius 49.95, is handed over at that of the seat, 50
-    zero = -1j * bonded.harmonics[0].stress[behind]
+    zero = -1j * one_harmonic(found.whole, 0).stress[behind]
     assert zero[:, MT].real == pytest.approx(-3e6 * section.outer / (2.0 * section.second_moment) / 0.999, rel=1e-3)
     assert (1j * zero[:, MM]).real == pytest.approx(-2e4 / (np.pi * section.outer**2), rel=2e-2)
 
@@ -263,6 +284,12 @@ def test_a_loose_wheel_that_tilts_and_opens_finds_its_equilibrium(monkeypatch: p
     monkeypatch.setattr(rotation, "search_step", slipping.solve_step)
     with pytest.raises(ConvergenceError, match="no equilibrium was found"):
         serve(loose)
+
+
+def test_where_all_slips_and_nothing_holds_the_wheel_slip_is_viscous() -> None:
+    free = 1e5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found = slipping._regular_solution(free, np.array([10.0, 10.0]))
+    assert found == pytest.approx(10.0 / (slipping.VISCOUS * slipping.RHO), rel=1e-6)
 
 
 def test_more_torque_than_friction_carries_ends_in_one_line() -> None:

@@ -28,6 +28,8 @@ STEADY = 5e-3
 """Slip that a revolution may leave, in the largest range of slip."""
 BALANCED = 1e-3
 """How far the work of the loads may be from that of friction, in this."""
+LEAST_STRESS = 1.0
+"""Nominal stress below which loads may be in another unit, kN or N m [MPa]."""
 LEAST_WORK = 100.0
 """Friction work of a revolution below which it is counted as that much [N mm]; a wheelset has 1e3 to 1e5."""
 
@@ -49,7 +51,10 @@ def numbers(found: Service) -> dict[str, Any]:
         "endurance": None if turned is None else _endurance(turned.endurance),
         "limits_MPa": {"bending": limits.bending, "torsion": limits.torsion},
         "verdict": msgspec.to_builtins(verdict) | {"sentence": verdict.sentence},
-        "doubts": [] if turned is None else service_doubts(whole, turned),
+        "doubts": [
+            *unit_doubts(verdict.nominal_stress_MPa),
+            *([] if turned is None else service_doubts(whole, turned)),
+        ],
         "turned_revolutions": found.moments[-1].time if found.moments else None,
         "ended": found.ended,
         "scene": dump_scene(whole.scene),
@@ -93,6 +98,16 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
 def _where_held(held: BoolArray, values: tuple[float, float]) -> dict[str, float | None]:
     """What is told of places that stay in contact; None where there is none, which is not the same as 0."""
     return dict(zip(("axial", "around"), values if held.any() else (None, None), strict=True))
+
+
+def unit_doubts(nominal: float) -> list[str]:
+    """What a largest nominal stress [MPa] says of the units of the loads."""
+    if not 0.0 < nominal < LEAST_STRESS:
+        return []
+    return [
+        f"the nominal stress is {nominal:.2g} MPa, and axles at work have 50 to 150: state service.journal_force in N "
+        f"and service.journal_moment in N mm"
+    ]
 
 
 def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:

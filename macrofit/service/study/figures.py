@@ -10,6 +10,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.figure import BLUE, GREEN, ORANGE, SKY, VERMILION, blank, placed, plain, save
+from ...study.figures import draw_bars
 from ...study.plan import Plan
 from ...study.statistics import MANY, statistics
 from .record import ServiceRecord, measured
@@ -87,20 +88,10 @@ def _histogram(axes: Any, plan: Plan, records: Sequence[ServiceRecord], panel: A
     said = []
     for name, word, colour in curves:
         values: FloatArray = factor * measured(plan, records, name)
-        bins = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 5, 40))  # Rice's rule
-        axes.hist(
-            values,
-            bins=bins,
-            color=SKY if len(curves) == 1 else colour,
-            edgecolor="white",
-            lw=0.6,
-            alpha=0.8,
-            label=word,
-        )
+        draw_bars(axes, values, color=SKY if len(curves) == 1 else colour, alpha=0.8, label=word)
         found = statistics(values)
         said.append(f"{word} {found['mean']:.4g} ± {found['standard_deviation']:.2g}".strip())
     axes.set_title(", ".join(said), fontsize=9)
     axes.set_xlabel(ordinate)
-    axes.set_ylabel("runs")
     if len(curves) > 1:
         axes.legend(frameon=False, fontsize=8)

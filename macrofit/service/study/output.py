@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,17 +9,15 @@ from typing import Any
 
 from ...base.files import remove_drafts, write_json, write_text, writing
 from ...base.progress import printable
-from ...errors import OutputError
 from ...results.doubts import doubtful_runs
 from ...results.folder import prepare
 from ...results.versions import session, versions
-from ...study.plan import Plan, PlannedRun
+from ...study.output import csv_text, refuse_unfinished
+from ...study.plan import Plan
 from ...study.statistics import statistics
 from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study, measured
 
-STUDY_FILE, ROWS, TOTALS, FIGURE, RUNS = (
-    "service-study.bin", "service-study.csv", "service-study.json", "service-study.png", "runs"
-)  # fmt: skip
+STUDY_FILE, ROWS, TOTALS, FIGURE = (f"service-study.{end}" for end in ("bin", "csv", "json", "png"))
 SHOWN = {
     "friction_work_N_mm": ("Friction work", 1e-3, "J"),
     "front_slip_range_mm": ("Front slip", 1e3, "um"),
@@ -43,24 +39,13 @@ def open_service_study(folder: Path, plan: Plan, *, resume: bool) -> ServiceStud
     owned = is_service_study(path)
     prepare(folder, owned=owned)
     if owned and not resume and not (folder / TOTALS).exists():
-        held = ServiceStudyFile(path, replace=False)
-        held.close()
-        if held.records.keys() & {run.digest for run in plan.runs}:
-            raise OutputError(
-                f"{folder}: holds an unfinished study with some of these runs; continue it with --resume, choose "
-                f"another folder with -o, or delete this one"
-            )
+        refuse_unfinished(folder, path, plan)
     kept = ServiceStudyFile(path, replace=not resume)
     remove_drafts(folder)
     with writing(folder):
         for stale in () if resume else (ROWS, TOTALS, FIGURE):
             (folder / stale).unlink(missing_ok=True)
     return kept
-
-
-def run_folder(folder: Path, run: PlannedRun) -> Path:
-    """Where `--keep` puts a run."""
-    return folder / RUNS / f"{run.number:04d}"
 
 
 def told_of(record: ServiceRecord) -> str:
@@ -77,22 +62,20 @@ def write_service_study(folder: Path, plan: Plan, records: Sequence[ServiceRecor
     """
     from .figures import write_service_figure
 
-    write_text(folder / ROWS, _table(plan, records))
+    write_text(folder / ROWS, csv_text(_table(plan, records)))
     write_service_figure(folder / FIGURE, plan, records)
     totals = _totals(plan, records)
     write_json(folder / TOTALS, totals)  # last: its presence says that the study is complete
     return [*_sentences(records, totals), f"Figures         {FIGURE}", f"Files           {folder}"]
 
 
-def _table(plan: Plan, records: Sequence[ServiceRecord]) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["run", "label", *plan.keys, *MEASURES, "verdict", "doubts", "ended", "cpu_s"])
+def _table(plan: Plan, records: Sequence[ServiceRecord]) -> list[list[str]]:
+    rows = [["run", "label", *plan.keys, *MEASURES, "verdict", "doubts", "ended", "cpu_s"]]
     for run, record in zip(plan.runs, records, strict=True):
         cells = [str(run.number), run.label, *(run.values.get(key, "") for key in plan.keys)]
         cells += ["" if value is None else repr(value) for value in record.values.values()]
-        rows.writerow([*cells, record.verdict, len(record.doubts), record.ended or "", f"{record.cpu_s:.3f}"])
-    return text.getvalue()
+        rows.append([*cells, record.verdict, str(len(record.doubts)), record.ended or "", f"{record.cpu_s:.3f}"])
+    return rows
 
 
 def _totals(plan: Plan, records: Sequence[ServiceRecord]) -> dict[str, Any]:
@@ -116,7 +99,8 @@ def _totals(plan: Plan, records: Sequence[ServiceRecord]) -> dict[str, Any]:
 
 
 def _sentences(records: Sequence[ServiceRecord], totals: dict[str, Any]) -> list[str]:
-    lines = [f"Runs            {len(records)}, {totals['runs_cpu_s'] / len(records):.2f} CPU s each"]
+    each = totals["runs_cpu_s"] / len({record.digest for record in records})
+    lines = [f"Runs            {len(records)}, {each:.2f} CPU s each"]
     for name, (word, factor, unit) in SHOWN.items():
         found = totals["statistics"].get(name)
         if found is not None:

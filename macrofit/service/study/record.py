@@ -14,8 +14,10 @@ from ...base.arrays import FloatArray
 from ...base.files import starts_with
 from ...study.plan import Plan
 from ...study.record import RecordFile
+from ...study.statistics import varied
 
-MAGIC = b"macrofit service study 1\n"
+KIND = b"macrofit service study "
+MAGIC = KIND + b"1\n"
 MEASURES = {
     "friction_work_N_mm": "friction.friction_work_N_mm",
     "front_slip_range_mm": "friction.slip_range_mm.front",
@@ -73,10 +75,9 @@ class ServiceStudyFile(RecordFile[ServiceRecord]):
 
 def is_service_study(path: Path) -> bool:
     """Whether the file is there and starts as one of such a study does."""
-    return starts_with(path, MAGIC)
+    return starts_with(path, KIND)
 
 
 def measured(plan: Plan, records: Sequence[ServiceRecord], name: str) -> FloatArray:
     """The values of a measure over the runs that are no references, those that have it."""
-    pairs = [record for run, record in zip(plan.runs, records, strict=True) if run.values] or list(records)
-    return np.array([value for record in pairs if (value := record.values[name]) is not None])
+    return np.array([value for record in varied(plan, records) if (value := record.values[name]) is not None])

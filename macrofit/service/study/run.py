@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
 from mpi4py import MPI
 
 from ...base.farm import deal
 from ...base.ranks import raise_together
 from ...errors import ConvergenceError
-from ...results.agreement import agree
-from ...study.output import StudyProgress
+from ...study.output import StudyProgress, run_folder
 from ...study.plan import Plan, PlannedRun
-from ...study.run import RunWorker, bodies_of, naming
+from ...study.run import RunWorker, bodies_of, naming, opened
 from ..journal import Kept
 from ..output.numbers import numbers
 from ..output.write import write_service
-from ..run import Course, Service, Shared
-from .output import open_service_study, run_folder, told_of, write_service_study
+from ..run import Course, Service, Shared, pressed
+from .output import open_service_study, told_of, write_service_study
 from .record import ServiceRecord, ServiceStudyFile, record_of
 
 
@@ -34,40 +34,39 @@ def carry_out_service_study(
     Raises:
         MacrofitError: on all ranks together; what was computed is kept.
     """
-    agree(comm, [run.scene for run in plan.runs])
-    kept: ServiceStudyFile | None = None
-    with raise_together(comm):
-        if comm.rank == 0:
-            kept = open_service_study(folder, plan, resume=resume)
-    try:
+    with opened(plan, comm, lambda: open_service_study(folder, plan, resume=resume)) as kept:
         return _compute(plan, comm, folder, kept, keep=keep, quiet=quiet)
-    finally:
-        if kept is not None:
-            kept.close()
 
 
 def _compute(
     plan: Plan, comm: MPI.Comm, folder: Path, kept: ServiceStudyFile | None, *, keep: bool, quiet: bool
 ) -> list[str]:
     done = comm.bcast(set() if kept is None else set(kept.records))
-    different = {run.digest: run for run in reversed(plan.runs)}  # a reference may be one of the varied runs
-    left = [run for run in plan.runs if different[run.digest] is run and run.digest not in done]
-    progress = StudyProgress(plan, already=len(different) - len(left), quiet=quiet or comm.rank != 0)
+    left = [run for run in plan.different if run.digest not in done]
+    progress = StudyProgress(plan, already=len(plan.different) - len(left), quiet=quiet or comm.rank != 0)
 
     def accept(record: ServiceRecord) -> None:
         assert kept is not None
         kept.append(record)
         progress.finished(record.digest, told_of(record))
 
-    alike: dict[bytes, list[PlannedRun]] = {}  # one after the other, so that each body is factored once
-    for run in left:
-        alike.setdefault(bodies_of(run.scene), []).append(run)
-    deal([run for runs in alike.values() for run in runs], comm, ServiceWorker(plan, folder, keep=keep).run, accept)
+    deal(alike(left), comm, ServiceWorker(plan, folder, keep=keep).run, accept)
     lines: list[str] = []
     with raise_together(comm):
         if kept is not None:
             lines = write_service_study(folder, plan, [kept.records[run.digest] for run in plan.runs])
     return lines
+
+
+def alike(runs: Sequence[PlannedRun]) -> list[PlannedRun]:
+    """The runs of the same bodies one after the other, and those of the same press: each is computed once."""
+    places: dict[bytes, int] = {}
+
+    def place(run: PlannedRun) -> list[int]:
+        same = (bodies_of(run.scene), msgspec.msgpack.encode(pressed(run.scene)))
+        return [places.setdefault(each, len(places)) for each in same]
+
+    return sorted(runs, key=place)
 
 
 class ServiceWorker:

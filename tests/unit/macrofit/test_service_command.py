@@ -43,12 +43,12 @@ def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Pa
     assert not (folder / output.FRETTING).exists()
 
 
-@pytest.mark.parametrize(("load", "harmonics"), [("journal_force=1e5", [1]), ("torque=1e6", [0, 1])])
-def test_bonded_solution_factors_the_harmonics_that_the_loads_need(load: str, harmonics: list[int]) -> None:
+@pytest.mark.parametrize("load", ["journal_force=1e5", "torque=1e6", "lateral_force=1e4"])
+def test_bonded_solution_factors_the_harmonic_that_bends_alone(load: str) -> None:
     found = bonded_only(load_scene("wheelset", [*SHORT, f"service.{load}"]))
-    assert sorted(found.bonded.harmonics) == harmonics
+    assert list(found.bonded.harmonics) == [1]
     for body in (found.whole.fit.axle, found.whole.fit.wheel):
-        assert sorted(body._factors) == harmonics
+        assert list(body._factors) == [1]
 
 
 def test_loads_scale_the_nominal_stress(tmp_path: Path) -> None:

@@ -7,12 +7,15 @@ import math
 from pathlib import Path
 
 import pytest
-from serving import service
+from serving import SHORT, service
 
+from macrofit.scene import load_scene
 from macrofit.scene.keys import ServiceKeys
 from macrofit.scene.material import Material, cards
 from macrofit.service.fatigue.limits import limits_of, seat_limit
 from macrofit.service.output import NUMBERS
+from macrofit.service.output.numbers import numbers
+from macrofit.service.run import bonded_only
 
 GRADE = ("axle.material.elastic=true", "axle.material.grade=EA1N")
 
@@ -32,6 +35,13 @@ def test_axle_grades_have_limits_with_their_source() -> None:
             for name in ("bending", "seat", "hollow_seat", "safety"):
                 assert f"{card[f'fatigue_{name}']:g}" in str(card["fatigue_source"])
             assert card["fatigue_known"] == "from memory: confirm against the text"
+
+
+@pytest.mark.parametrize(("force", "moment", "doubted"), [(110.0, 60.0, True), (110e3, 6e7, False), (0.0, 0.0, False)])
+def test_loads_in_kilonewtons_are_doubted(force: float, moment: float, doubted: bool) -> None:
+    keys = (f"service.journal_force={force}", f"service.journal_moment={moment}")
+    found = numbers(bonded_only(load_scene("wheelset", [*SHORT, *keys])))
+    assert ["service.journal_force in N" in doubt for doubt in found["doubts"]] == [True] * doubted
 
 
 def test_what_is_given_beats_the_card() -> None:

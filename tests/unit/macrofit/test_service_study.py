@@ -12,12 +12,14 @@ import pytest
 from click.testing import CliRunner
 from serving import SHORT, service
 
-from macrofit.base.log import frames
+from macrofit.base.log import Log, frames
 from macrofit.cli import main
+from macrofit.errors import OutputError
 from macrofit.service import run as service_run
 from macrofit.service.study.figures import write_service_figure
-from macrofit.service.study.output import STUDY_FILE, _sentences
+from macrofit.service.study.output import STUDY_FILE, _sentences, open_service_study
 from macrofit.service.study.record import MAGIC, MEASURES, ServiceRecord
+from macrofit.service.study.run import alike
 from macrofit.study.plan import plan_study
 
 KEYS = tuple(key for key in SHORT if "coefficient" not in key)
@@ -67,6 +69,25 @@ def test_each_run_is_the_one_alone_to_the_bit(done: tuple[Path, str], tmp_path: 
 def test_runs_that_differ_in_loads_alone_share_their_press(done: tuple[Path, str], presses: list[int]) -> None:
     assert len(rows(done[0])) == 4
     assert len(presses) == 2  # one for each coefficient
+
+
+def test_runs_of_the_same_bodies_and_press_follow_each_other() -> None:
+    # the loads vary slowest here: in the order of the plan each run would press anew
+    plan = plan_study("wheelset", ("service.torque=0,1e6", "friction.options.coefficient=0.2,0.4", "mesh.order=2,1"))
+    assert [run.number for run in alike(plan.runs)] == [1, 5, 3, 7, 2, 6, 4, 8]
+
+
+@pytest.mark.parametrize("magic", [MAGIC, b"macrofit service study 999\n"])
+def test_a_damaged_study_is_begun_anew_and_not_gone_on_with(tmp_path: Path, magic: bytes) -> None:
+    log = Log.create(tmp_path / STUDY_FILE, magic)
+    log.append(b"\xc1")  # a whole frame that holds no record
+    log.close()
+    plan = plan_study("wheelset", VARIED)
+    with pytest.raises(OutputError, match="start again without --resume"):
+        open_service_study(tmp_path, plan, resume=True)
+    kept = open_service_study(tmp_path, plan, resume=False)
+    assert kept.records == {}
+    kept.close()
 
 
 def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]) -> None:

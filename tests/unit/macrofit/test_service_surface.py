@@ -15,7 +15,7 @@ from macrofit.service import output
 from macrofit.service.output.surface import surface_values
 from macrofit.service.output.write import write_service
 from macrofit.service.run import Service, serve
-from macrofit.service.seat_stress import MM
+from macrofit.service.seat_stress import MM, MT
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +58,14 @@ def test_what_turns_stands_around_the_axle_at_one_instant(found: Service) -> Non
             assert error < 0.03 * np.abs(values["shear_along_MPa"]).max(), (name, k)
     wrong = np.bincount(found.whole.fit.facet, last.traction[1, 1], len(weight)) / weight
     assert np.abs(values["shear_along_MPa"][-3] - wrong).max() > 0.1 * np.abs(wrong).max()
+
+
+def test_shear_stress_stands_around_the_axle_as_in_the_bonded_fit(found: Service) -> None:
+    assert found.turned is not None
+    shear = surface_values(found.whole, found.turned)["surface_shear_stress_MPa"]
+    bonded = 2.0 * found.bonded.harmonics[1].stress[:, MT].real  # of the sin family
+    around = np.sin(2.0 * np.pi * np.arange(15) / 15)
+    assert np.corrcoef(around @ shear, bonded)[0, 1] > 0.97  # a little slips
 
 
 def test_surface_says_what_the_tables_say(found: Service, folder: Path) -> None:
