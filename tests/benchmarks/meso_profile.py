@@ -79,7 +79,7 @@ def condensation(made: Plates) -> list[Cost]:
     parts = assembled.cpu_s + order.cpu_s + analysis.cpu_s + numeric.cpu_s + dense.cpu_s
     return [
         Cost("set-up: stiffness matrices", assembled.cpu_s, 0.0, 1.5 * WORD * sum(assembled.notes)),
-        Cost("set-up: METIS's order", order.cpu_s),
+        Cost("set-up: AMD's order", order.cpu_s),
         Cost("set-up: symbolic factors", analysis.cpu_s),
         Cost("set-up: numeric factors", numeric.cpu_s, flops, WORD * sum(f.entries for f in factors)),
         Cost("set-up: candidates' block copied", trailing.cpu_s, 0.0, 2.0 * triangles),

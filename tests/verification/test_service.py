@@ -16,7 +16,8 @@ from macrofit.service import rotation, slipping, wheelset
 from macrofit.service.bonded import one_harmonic
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
-from macrofit.service.seat_stress import MM, MT, TT
+from macrofit.service.seat_stress import MM, MT, TT, facet_mean
+from macrofit.solve import solve
 
 COARSE = (
     "mesh.seat_facet=6", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=15",
@@ -222,6 +223,17 @@ def test_residual_stress_of_an_axle_that_flowed_is_what_its_steel_bears() -> Non
     assert np.abs(residual.stress[:, 4:]).max() == 0.0
     assert np.median(found) == pytest.approx(200.0, rel=0.1)
     assert found.max() < 1.02 * (200.0 + 2000.0 * residual.plastic_strain)  # patches had 600 at the ends
+
+
+def test_residual_stress_of_a_seat_that_flowed_is_that_of_the_released_press() -> None:
+    steel = 'axle.material={yield_stress=200.0, hardening={law="linear", isotropic=2000.0}}'
+    residual, bodies = pressed_and_released(small("wheel.bore_radius=94.7", steel))
+    last = solve(small("wheel.bore_radius=94.7", steel, "motion.release=true"))
+    axle = bodies["axle"]
+    stress = list(last.fields.values())[-1]["axle"].stress[axle.trace[: len(axle.line.nodes)]]
+    _, zz, tt, _ = (facet_mean(each.astype(np.complex128), axle.line.order).real for each in stress.T)
+    assert residual.stress[:, TT] == pytest.approx(tt, abs=0.01)
+    assert residual.stress[:, MM] == pytest.approx(zz, abs=2.0)  # along the axis here, along the seat there
 
 
 def test_without_loads_nothing_concentrates_and_the_residual_stress_stays() -> None:

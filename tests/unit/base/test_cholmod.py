@@ -295,30 +295,19 @@ signal.signal(signal.SIGTERM, signal.default_int_handler)
 end = threading.Timer(DELAY, os.kill, (os.getpid(), signal.SIGTERM))
 try:
     end.start()
-    factor(grid, None, 1)
-    time.sleep(60.0)
+    held = factor(grid, None, 1)
+    time.sleep(20.0)
 except KeyboardInterrupt:
     print("interrupted")
 """
 
 
-@pytest.mark.parametrize("delay", [0.1, 0.2])
-def test_a_signal_during_the_ordering_is_the_users(delay: float) -> None:
-    """METIS, which ends by SIGTERM what it finds wrong, takes whatever SIGTERM comes meanwhile."""
+@pytest.mark.parametrize("delay", [0.02, 0.1, 0.2])
+def test_a_signal_during_a_factor_is_the_users(delay: float) -> None:
+    """CHOLMOD's METIS takes whatever SIGTERM comes meanwhile for its own, and may never end then."""
     script = GRID.replace("DELAY", str(delay))
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120.0)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30.0)
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
-
-
-def test_a_graph_that_metis_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = cholmod._library()
-
-    def refuses(*arguments: Any) -> None:
-        arguments[-1]._obj.status = cholmod.INVALID
-
-    monkeypatch.setattr(library, "cholmod_metis", refuses)
-    with pytest.raises(RuntimeError, match="-4"):
-        factor(lattice(50, 6))
 
 
 def test_openmp_is_left_as_it_was() -> None:
