@@ -8,6 +8,7 @@ import sys
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the commands that are timed keep their bytecode, as installed ones do
 
 from ._book import main as book  # noqa: E402
 from ._book import names  # noqa: E402

@@ -53,9 +53,9 @@ def stages(scene: Scene) -> list[Cost]:
         return float(arguments[0].shape[0] * np.count_nonzero(arguments[1]))
 
     def moments(arguments: Any, _: Any) -> tuple[float, float]:
-        facing = arguments[1]
-        span = facing.coupling.bore.span
-        return float(facing.moments), float(span.stop - span.start)
+        contact = arguments[0].contact
+        span = contact.coupling.bore.span
+        return float(contact.moments), float(span.stop - span.start)
 
     watched = {
         "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"), "schur": (Body, "_factored"),
@@ -63,7 +63,7 @@ def stages(scene: Scene) -> list[Cost]:
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
         "pair": (press, "couple_lines"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
-        "respond": (Condensed, "respond", moments), "lu": (sla.lapack, "dgetrf", size),
+        "respond": (CondensedProblem, "respond", moments), "lu": (sla.lapack, "dgetrf", size),
         "matrix": (CondensedProblem, "matrix"), "vector": (condensed, "_product", vector),
         "newton": (press, "newton"), "trial": (Press, "trial"),
         "back": (Body, "back_substitute"),
@@ -85,8 +85,8 @@ def stages(scene: Scene) -> list[Cost]:
     out = [
         Cost("set-up: meshes (gmsh)", t["mesh"]),
         Cost("set-up: spaces and matrices (dolfinx)", t["assembly"] - t["mesh"]),
-        Cost("set-up: Schur complements (MUMPS)", t["schur"]),
-        Cost("set-up: their Cholesky factors", t["inverse"], n3 / 3.0, WORD * n2),
+        Cost("set-up: factors (CHOLMOD)", t["schur"]),
+        Cost("set-up: their compliances", t["inverse"], n3 / 3.0, WORD * n2),
         Cost("set-up: condensing, rest", t["condense"] - t["schur"] - t["inverse"]),
         Cost("set-up: influence of whole facets", t["engine"]),
         Cost("increments: pairing of the lines", t["pair"]),
@@ -98,7 +98,7 @@ def stages(scene: Scene) -> list[Cost]:
         Cost("increments: Newton's steps, rest", t["newton"] - t["matrix"] - t["lu"] - t["respond"]),
         Cost("increments: displacements", t["vector"], 2.0 * read, WORD * read),
         Cost("increments: trials, rest", t["trial"] - t["pair"] - t["newton"] - t["vector"]),
-        Cost("stresses: factors and solutions (MUMPS)", t["back"]),
+        Cost("stresses: solutions (CHOLMOD)", t["back"]),
         Cost("stresses: from displacements", t["stress"], 2.0 * entries),
         Cost("stresses: von Mises", t["von_mises"], 3.0 * equivalent, WORD * equivalent),
         Cost("stresses: rest", t["stresses"] - t["back"] - t["stress"] - t["von_mises"]),
