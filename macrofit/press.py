@@ -163,14 +163,14 @@ class Press:
                 if target == displacement:
                     return steps, cutbacks
             else:
-                halvings, cutbacks = halvings + 1, cutbacks + 1
-                if halvings > self.scene.motion.max_cutbacks or whole == 0.0:
+                if halvings == self.scene.motion.max_cutbacks or whole == 0.0:
                     cools = thermal_strain not in (None, state.thermal_strain)
                     raise ConvergenceError(
                         f"no convergence between displacements {state.displacement:.6g} and {target:.6g} mm after "
                         f"{cutbacks} cutbacks (residual {step.report.residual:.1e}); try "
                         f"{remedy(self.scene, state, step, cools=cools)}"
                     )
+                halvings, cutbacks = halvings + 1, cutbacks + 1
             target = state.displacement + whole * 0.5**halvings
             if abs(displacement - target) <= 1e-9 * abs(whole) or (displacement - target) * whole < 0.0:
                 target = displacement

@@ -155,6 +155,7 @@ class Solution:
     bore_ends: tuple[float, float] | None = None  # mm, coordinates of the bore's ends at displacement 0
     flowed: dict[str, YieldZone] = field(default_factory=dict)  # of bodies that may yield, where stress is evaluated
     beyond_yield: dict[str, YieldZone] = field(default_factory=dict)  # of elastic bodies that state a yield stress
+    residual: dict[str, Extreme] = field(default_factory=dict)  # largest von Mises stress once the press has let go
 
     @property
     def displacement(self) -> FloatArray:

@@ -167,6 +167,7 @@ def _solution(
         bore_ends=press.tiling.bore_ends,
         flowed=stresses.flowed,
         beyond_yield=stresses.beyond_yield,
+        residual=stresses.residual,
     )
 
 

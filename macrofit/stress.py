@@ -32,6 +32,7 @@ class Stresses:
     """What the bodies' ranks found, on every rank."""
 
     extremes: dict[str, Extreme]
+    residual: dict[str, Extreme]  # the largest at the end, where the press lets go
     fields: dict[float, dict[str, BodyField]]
     reactions: dict[str, FloatArray]  # body -> axial force of its support at each increment [N], NaN if not computed
     flowed: dict[str, YieldZone]
@@ -48,6 +49,7 @@ def evaluate_stresses(
     if not states or not (scene.output.stress or wanted):
         return Stresses(
             extremes={},
+            residual={},
             fields={},
             reactions={},
             flowed={},
@@ -70,6 +72,7 @@ def evaluate_stresses(
     both = {name: comm.bcast(found.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     return Stresses(
         extremes={name: part.extreme for name, part in both.items() if part.extreme is not None},
+        residual={name: part.last for name, part in both.items() if part.last is not None and scene.motion.release},
         fields={travels[k]: {name: part.fields[k] for name, part in both.items()} for k in wanted},
         reactions={name: part.reactions for name, part in both.items()},
         flowed={name: part.zone for name, part in both.items() if part.zone and part.yields},
@@ -92,6 +95,7 @@ def _fields_at(scene: Scene, travels: Sequence[float]) -> list[int]:
 @dataclass(frozen=True, kw_only=True)
 class _BodyStresses:
     extreme: Extreme | None
+    last: Extreme | None
     fields: dict[int, BodyField]
     reactions: FloatArray
     zone: YieldZone | None
@@ -114,6 +118,7 @@ def _evaluate(
     reactions[loaded] = np.nan
     fields: dict[int, BodyField] = {}
     best: Extreme | None = None
+    last: Extreme | None = None
     stated = yield_stress(body.material)
     beyond = np.zeros(len(evaluator.places), dtype=bool)
     numbers = sorted({*tractions, *(loaded if everywhere else ())}) or [0]
@@ -136,6 +141,8 @@ def _evaluate(
         if everywhere:
             equivalent = von_mises(stress)
             best = _larger(best, evaluator, equivalent, [travels[k] for k in batch])
+            if batch[-1] == len(loads) - 1:
+                last = _larger(None, evaluator, equivalent[:, -1:], travels[-1:])
             if flow is None and stated is not None:
                 beyond |= (equivalent > stated).any(axis=1)
         for k in set(batch) & set(tractions):
@@ -144,6 +151,7 @@ def _evaluate(
             fields[k] = _field(evaluator, displacement[:, at], stress[:, :, at], tractions[k], flow, own, travels[k])
     return _BodyStresses(
         extreme=best,
+        last=last,
         fields=fields,
         reactions=reactions,
         zone=_zone(evaluator, best, beyond, stated)

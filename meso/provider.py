@@ -308,7 +308,7 @@ def _warn_of_cost(settings: Settings, pairs: int) -> None:
         warnings.warn(
             f"friction provider 'dem': {pairs} pairs of tiles may meet, and one that is not in the cache takes about "
             f"{each:.1f} CPU s: {pairs * each / 3600.0:.1g} CPU hours, which the ranks share; friction.provider = "
-            "'surrogate' answers at once",
+            "'surrogate', with the same options set again, answers at once",
             stacklevel=2,
         )
 

@@ -27,7 +27,7 @@ img {{ max-width: 100%; }}
 <p>A railway wheel is pressed {travel:g} mm onto its axle. Lalleman et al. (<i>Multi-scale friction coefficient: from
 roughness to system computation using deep learning</i>) report that a coefficient of {micro:g} between the spheres of
 two rough plates acts in this press-fit like a uniform coefficient of {uniform:g}. Here are both, and a third curve:
-the same plates, slid slowly.</p>
+the plates that are the default here, slid slowly on stiff faces along one continuous roughness.</p>
 <p><img src="fitting_curves.png" alt="Pushing force against displacement, three curves"></p>
 <table>
 <tr><th></th><th>mean friction at the end</th><th>force at the end [kN]</th><th>against uniform</th>
@@ -39,7 +39,8 @@ the same plates, slid slowly.</p>
 resonance with the washboard of spheres. The swaying loses energy, and this raises the coefficient from {micro:g}
 between the spheres to {published:.3f} between the plates. So the curve comes within {near:.1%} of uniform
 {uniform:g}.</p>
-<p><b>Slow plates</b> rest on faces as stiff as the solid and do not sway. Then little is lost beside the friction
+<p><b>Slow plates</b> rest on faces as stiff as the solid and do not sway (and have half the roughness, which matters
+less). Then little is lost beside the friction
 between the spheres themselves: {slow:.3f} instead of {micro:g}. The force is {less:.0%} lower than with uniform
 {uniform:g}. A press is slow, so this is the default.</p>
 <p><b>The stress hardly changes</b>: at most {stress:.1%} between the three. It comes from the interference and from

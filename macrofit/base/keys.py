@@ -19,6 +19,12 @@ Table = TypeVar("Table", bound=msgspec.Struct)
 BOUNDS = {">": "be above", ">=": "not be below", "<": "be below", "<=": "not exceed"}
 """What a value must do, by the sign of its bound."""
 
+KINDS = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "array": "a list",
+    "object": "a table",
+}  # fmt: skip
+"""What msgspec calls a value, in words of the user's."""
+
 
 class Keys(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of every table: frozen, and an unknown key is an error."""
@@ -103,6 +109,7 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any], kind: t
     unknown = re.search(r"unknown field `(.+)`", message)
     missing = re.search(r"missing required field `(.+)`", message)
     bound = re.fullmatch(r"Expected `\w+` (>=?|<=?) (\S+)", message)
+    wrong = re.fullmatch(r"Expected `([^`]+)`, got `([^`]+)`", message)
     if unknown:
         return unknown_key(join_keys(where, unknown.group(1)), _known_keys(kind, where, tables))
     if missing:
@@ -113,11 +120,18 @@ def _one_line(error: msgspec.ValidationError, tables: Mapping[str, Any], kind: t
         choices = ", ".join(map(str, _tags(kind, where, tables)))
         return f"{where}: {message[0].lower()}{message[1:]}" + (f" (one of {choices})" if choices else "")
     if message.startswith("Invalid enum value"):
-        choices = ", ".join(map(str, _choices(kind, where, tables)))
-        return f"{where}: {message[0].lower()}{message[1:]}" + (f" (one of {choices})" if choices else "")
+        value = message.removeprefix("Invalid enum value ")
+        return f"{where}: {value} is none of {', '.join(map(str, _choices(kind, where, tables)))}"
+    if wrong:
+        return f"{where or whole}: must be {_kinds(wrong.group(1))}, not {_kinds(wrong.group(2))}"
     if "of length >= 1" in message:
         return f"{where}: is empty"
     return f"{where or whole}: {message[0].lower()}{message[1:]}"
+
+
+def _kinds(names: str) -> str:
+    """What msgspec calls `int | null`, in words; that the key may be left out helps nobody there."""
+    return " or ".join(KINDS.get(name, name) for name in names.split(" | ") if name != "null" or names == "null")
 
 
 def _bound(sign: str, limit: str) -> str:

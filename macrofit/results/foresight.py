@@ -20,6 +20,7 @@ from ..errors import MacrofitError
 from ..plasticity.material import hardening
 from ..scene.deviation import deviation_of
 from ..scene.keys import Hub, MeshFile, Scene, Shaft
+from ..scene.material import LinearHardening, yield_stress
 
 SEAT_FACETS = 10
 """Fewest facets along a contact line: with 10 the force was off by 1 % at the end, with 3 by 14 to 19 %."""
@@ -31,6 +32,8 @@ PLASTIC_STEPS = 5.0
 """The same where steel yields: with 7.5 the plastic strain was 7 % low, with 5 by 15 %, with 3.75 by 22 %."""
 MODULI = (2e3, 5e9)
 """Young's moduli without a doubt [MPa]: solids in GPa are below, in Pa above, a rigid tool is not."""
+LARGEST_ELASTIC_STRAIN = 0.05
+"""Yield stresses without a doubt, over Young's modulus: maraging steel yields at 0.013, metallic glass at 0.02."""
 LOCKING_POISSON_RATIO = 0.45
 """Largest Poisson's ratio of elements of order 1: the force was 0.8 % high there, 2.5 % at 0.49, 12 % at 0.499."""
 LEAST_GAMMA0 = 0.3
@@ -64,8 +67,8 @@ class Arc:
 def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
-        _clearance, _moduli, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends, _long_steps,
-        sharp_corners, _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
+        _clearance, _moduli, _yield_stresses, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends,
+        _long_steps, sharp_corners, _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
 
@@ -105,6 +108,23 @@ def _moduli(scene: Scene) -> Iterator[str]:
             yield (
                 f"odd modulus: {name}.material.youngs_modulus = {modulus:g} is in MPa, and steel has 206000; is it "
                 f"in {'GPa' if modulus < low else 'Pa'}?"
+            )
+
+
+def _yield_stresses(scene: Scene) -> Iterator[str]:
+    for name, body in (("axle", scene.axle), ("wheel", scene.wheel)):
+        material = body.material
+        first, modulus, keys = yield_stress(material), material.youngs_modulus, material.hardening
+        if first is not None and first > LARGEST_ELASTIC_STRAIN * modulus:
+            yield (
+                f"odd yield stress: {name}.material yields at {first:g} MPa, over {LARGEST_ELASTIC_STRAIN:g} of "
+                f"youngs_modulus, {modulus:g} MPa, and no metal bears that; is it in Pa?"
+            )
+        slope = max(keys.isotropic, keys.kinematic) if isinstance(keys, LinearHardening) else 0.0
+        if slope > modulus:
+            yield (
+                f"odd hardening: {name}.material.hardening grows by {slope:g} MPa, more than youngs_modulus, "
+                f"{modulus:g} MPa; is it in Pa?"
             )
 
 

@@ -17,7 +17,7 @@ from .versions import versions
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..solution import Solution, YieldZone
+    from ..solution import Extreme, Solution, YieldZone
 
 
 def summary(solution: Solution, standard: Standard | None = None) -> dict[str, Any]:
@@ -33,10 +33,8 @@ def summary(solution: Solution, standard: Standard | None = None) -> dict[str, A
         "peak_force_displacement_mm": None if top is None else float(solution.displacement[top]),
         "lowest_force_N": float(force.min()) if records else None,
         "final_force_N": float(force[-1]) if records else None,
-        "max_von_mises_MPa": {
-            body: {"value": at.value, "r_mm": at.r_mm, "z_mm": at.z_mm, "displacement_mm": at.displacement_mm}
-            for body, at in solution.max_von_mises.items()
-        },
+        "max_von_mises_MPa": _places(solution.max_von_mises),
+        "residual_von_mises_MPa": _places(solution.residual),
         "plastic_strain": _zones(solution.flowed, "value"),
         "beyond_yield": _zones(solution.beyond_yield, "stress_over_yield"),
         "plastic_work_N_mm": sum(record.plastic_work for record in records),
@@ -76,6 +74,14 @@ def _heat(solution: Solution) -> dict[str, float | int] | None:
     }
 
 
+def _places(extremes: dict[str, Extreme]) -> dict[str, dict[str, float]]:
+    """The largest stress of each body and its place; z in the axle's frame."""
+    return {
+        body: {"value": at.value, "r_mm": at.r_mm, "z_mm": at.z_mm, "displacement_mm": at.displacement_mm}
+        for body, at in extremes.items()
+    }
+
+
 def _zones(zones: dict[str, YieldZone], name: str) -> dict[str, dict[str, float]]:
     """Where each body flowed, or is beyond its yield stress; z in the axle's frame."""
     return {
@@ -98,11 +104,12 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
             f"{numbers['final_force_N'] / 1e3:.5g} kN at the end"
         )
     lines += _holding_said(numbers["holding"])
-    for body, at in numbers["max_von_mises_MPa"].items():
-        lines.append(
-            f"Max von Mises   {at['value']:.1f} MPa in the {body} at r = {at['r_mm']:.2f} mm, "
+    for head, key in (("Max von Mises", "max_von_mises_MPa"), ("Once released", "residual_von_mises_MPa")):
+        lines += [
+            f"{head:15} {at['value']:.1f} MPa in the {body} at r = {at['r_mm']:.2f} mm, "
             f"z = {at['z_mm']:.2f} mm, displacement {at['displacement_mm']:.6g} mm"
-        )
+            for body, at in numbers[key].items()
+        ]
     for body, zone in numbers["plastic_strain"].items():
         lines.append(
             f"Plastic strain  {zone['value']:.2%} at most in the {body} at r = {zone['r_mm']:.2f} mm, "

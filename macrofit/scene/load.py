@@ -5,7 +5,9 @@ The tables themselves are in ``keys``.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ from .checks import check_scene
 from .keys import AXLE_TEMPERATURE, Scene
 from .refine import refined
 
-PROVIDER, PRESET = ("friction", "provider"), ("preset",)
+PROVIDER, OPTIONS, PRESET = ("friction", "provider"), ("friction", "options"), ("preset",)
 
 
 def scene_names() -> list[str]:
@@ -35,7 +37,7 @@ def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | 
 
     A ``preset`` (see `presets`), which an override ``preset=name`` names too, scales the mesh sizes that the scene has
     before any override changes them. Another friction provider starts without the options of the one it replaces,
-    wherever in the order it is named.
+    wherever in the order it is named; a warning names those that no other override sets.
 
     Raises:
         SceneError: one line that names the key.
@@ -49,16 +51,26 @@ def load_scene(source: str | Path, overrides: Iterable[str] = (), preset: str | 
         others = [change for change in changes if change[0] != PRESET]
         for path, value in sorted(others, key=lambda change: change[0] != PROVIDER):
             if path == PROVIDER:
-                _drop_options(raw, value)
+                _drop_options(raw, value, {path[:3] for path, _ in others})
             set_key(raw, path, value)
     return build_scene(raw, folder)
 
 
-def _drop_options(raw: Mapping[str, Any], provider: Any) -> None:
-    """Take away the options of another provider than this one."""
+def _drop_options(raw: Mapping[str, Any], provider: Any, changed: AbstractSet[tuple[str, ...]]) -> None:
+    """Take away the options of another provider than this one, and name them; those of uniform friction are its own."""
     friction = raw.get("friction")
-    if isinstance(friction, dict) and friction.get("provider", "uniform") != provider:
-        friction.pop("options", None)
+    if not isinstance(friction, dict) or friction.get("provider", "uniform") == provider:
+        return
+    before = friction.get("provider", "uniform")
+    options = friction.pop("options", None)
+    given = options.items() if isinstance(options, Mapping) and OPTIONS not in changed else ()
+    lost = [f"{key} = {value!r}" for key, value in given if (*OPTIONS, key) not in changed]
+    if lost and "uniform" not in (before, provider):
+        warnings.warn(
+            f"friction.provider = {provider!r} starts without the options of {before!r}: "
+            f"set again with --set friction.options.KEY=... what is meant of {', '.join(lost)}",
+            stacklevel=3,
+        )
 
 
 def build_scene(raw: Mapping[str, Any], folder: Path | None = None) -> Scene:

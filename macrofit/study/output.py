@@ -133,7 +133,8 @@ def _columns(plan: Plan) -> list[str]:
     return [
         "run", "label", *plan.keys, "peak_force_N", "peak_force_displacement_mm", "final_force_N",
         *(f"{body}_{name}" for body in BODIES for name in ("max_von_mises_MPa", "r_mm", "z_mm", "displacement_mm")),
-        "increments", *COUNTERS, "cutbacks", "unconverged_increments", "doubts", "verdict", "refused_for", "cpu_s",
+        *(f"{body}_plastic_strain" for body in BODIES), "plastic_work_N_mm", "increments", *COUNTERS, "cutbacks",
+        "unconverged_increments", "doubts", "verdict", "refused_for", "cpu_s",
     ]  # fmt: skip
 
 
@@ -143,6 +144,8 @@ def _row(plan: Plan, run: PlannedRun, record: RunRecord, verdict: Verdict | None
     cells += [repr(force), repr(place), repr(record.force_N[-1])]
     for body in BODIES:
         cells += _place(record.max_von_mises.get(body))
+    cells += [repr(record.plastic_strain[body]) if body in record.plastic_strain else "" for body in BODIES]
+    cells.append(repr(record.plastic_work))
     cells += [str(len(record.force_N)), *(str(record.counters.get(name, "")) for name in COUNTERS)]
     cells += [str(record.cutbacks), str(record.unconverged), str(len(record.doubts))]
     cells += ["", ""] if verdict is None else [verdict.word, " ".join(check.name for check in verdict.failed)]

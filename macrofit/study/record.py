@@ -32,6 +32,8 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     cutbacks: int
     unconverged: int
     cpu_s: float
+    plastic_strain: dict[str, float] = {}  # largest accumulated, of the bodies that may yield
+    plastic_work: float = 0.0  # N mm
     holds: float | None = None  # N, see `acceptance.run`
     doubts: list[str] = []  # a sentence each, see `results.doubts`
 
@@ -47,6 +49,8 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
             cutbacks=sum(record.cutbacks for record in solution.increments),
             unconverged=sum(not record.converged for record in solution.increments),
             cpu_s=cpu_s,
+            plastic_strain={body: zone.value for body, zone in solution.flowed.items()},
+            plastic_work=float(sum(record.plastic_work for record in solution.increments)),
             holds=holds(solution),
             doubts=doubts(solution),
         )

@@ -28,6 +28,7 @@ from macrofit.identify.fit import identify
 from macrofit.identify.measured import Measured
 from macrofit.plasticity.law import overshoot
 from macrofit.results.doubts import doubts
+from macrofit.results.summary import sentences, summary
 from macrofit.scene import Scene, dump_scene, load_scene
 from macrofit.scene.keys import Motion
 from macrofit.solution import Solution, energy_balance
@@ -279,6 +280,20 @@ def test_pulled_off_after_a_plastic_press_fit(found: Found) -> None:
 # turns
 
 
+def test_the_largest_stress_that_is_left_is_said() -> None:
+    """It is that of the fields at the end, which are at the nodes; a press that holds on has none."""
+    solution = solved(small_press(*YIELDING, RELEASE, "output.stress=true", fields=True))
+    left, fields = solution.residual, solution.fields[solution.increments[-1].displacement]
+    for body in ("axle", "wheel"):
+        assert left[body].displacement_mm == solution.increments[-1].displacement
+        assert left[body].value == pytest.approx(fields[body].von_mises.max(), rel=0.1)
+        assert 0.0 < left[body].value < solution.max_von_mises[body].value
+    numbers = summary(solution)
+    assert numbers["residual_von_mises_MPa"]["axle"]["value"] == left["axle"].value
+    assert any(line.startswith("Once released   ") for line in sentences(numbers))
+    assert not solved(small_press(*YIELDING, "output.stress=true", fields=True)).residual
+
+
 def test_pulled_back_after_it_yielded() -> None:
     """Pressed, pulled and pressed again: friction turns the force, strain never goes back, energy closes."""
     there, back = np.arange(15.0, 40.5).tolist(), np.arange(39.0, 34.5, -1.0).tolist()
@@ -366,12 +381,20 @@ def test_a_study_has_the_bits_of_single_runs(scene_file: Path) -> None:
     done = CliRunner(mix_stderr=False).invoke(main, words)
     assert done.exit_code == 0, done.stderr
     with (scene_file.parent / "out" / "study.csv").open() as file:
-        peaks = [float(row["peak_force_N"]) for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    peaks = [float(row["peak_force_N"]) for row in rows]
+    flowed = [(float(row["wheel_plastic_strain"]), float(row["plastic_work_N_mm"])) for row in rows]
+
+    def single(stress: int, mu: float) -> Solution:
+        changes = [f"wheel.material.yield_stress={stress}", f"friction.options.coefficient={mu}"]
+        return solved(load_scene(scene_file, changes))
 
     def alone(stress: int, mu: float) -> float:
-        changes = [f"wheel.material.yield_stress={stress}", f"friction.options.coefficient={mu}"]
-        return float(solved(load_scene(scene_file, changes)).force.max())
+        return float(single(stress, mu).force.max())
 
+    last = single(400, 0.2)
+    work = sum(record.plastic_work for record in last.increments)
+    assert flowed[-1] == (last.flowed["wheel"].value, work)
     assert peaks == [alone(stress, mu) for stress in (300, 400) for mu in (0.1, 0.2)]
     assert len(set(peaks)) == 4
 

@@ -285,7 +285,7 @@ def test_a_file_of_ones_own_is_judged_by_what_it_states(tmp_path):
     [
         (MINIMAL.replace("4000", "6000"), "final_force.any: low = 6000 is above high = 5500"),
         (MINIMAL.replace('known = "own rule"', ""), "final_force.any: say where its numbers come from"),
-        (MINIMAL.replace('"own rule"', '"heard"'), "final_force.known: invalid enum value 'heard' (one of "),
+        (MINIMAL.replace('"own rule"', '"heard"'), "final_force.known: 'heard' is none of "),
         (MINIMAL.replace("high = 5500.0\n", ""), "final_force.any: needs low and high"),
         (MINIMAL.replace("low", "lo"), "final_force.lo: unknown key (did you mean 'low'?)"),
         (MINIMAL + "[oscilation_depth]\nhigh = 0.02\n", "did you mean 'oscillation_depth'?"),

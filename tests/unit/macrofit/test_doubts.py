@@ -80,6 +80,15 @@ def test_no_built_in_run_is_doubtful(name: str) -> None:
         (("axle.material.youngs_modulus=70e3",), ""),
         (("axle.material.youngs_modulus=206",), "odd modulus"),
         (("wheel.material.youngs_modulus=206e9",), "odd modulus"),
+        (("wheel.material.yield_stress=420e6", "motion.increment=0.5"), "odd yield stress"),
+        (
+            (
+                "wheel.material.yield_stress=400",
+                'wheel.material.hardening={law="linear", kinematic=5e6}',
+                "motion.increment=0.5",
+            ),
+            "odd hardening",
+        ),
         (("mesh.order=1", "output.stress=false"), ""),
         (("mesh.order=1",), "stress of order 1"),
         (("mesh.order=1", "output.stress=false", "axle.material.poisson_ratio=0.49"), "locking"),

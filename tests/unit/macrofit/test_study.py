@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 from typing import ClassVar
 
@@ -114,7 +115,7 @@ def test_references():
         (["--vary", "friction.options.coefficient="], "no value"),
         (["--vary", "friction.options.coefficient=0.1,,0.2"], "an empty value"),
         (["--vary", "friction.options.coefficient"], "write key=v1,v2"),
-        (["--vary", "friction.options.coefficient=abc"], "expected `float`, got `str`"),
+        (["--vary", "friction.options.coefficient=abc"], "must be a number, not text"),
         (["--vary", "friction.options.coefficient=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "friction.options.coefficient=0.1,0.10"], "are the same scene"),
         (["--vary", "friction.options.seed=5:1"], "the range 5:1 is empty"),
@@ -156,6 +157,25 @@ def test_another_provider_starts_without_the_options_of_the_first():
     scene = load_scene("wheelset", ["friction.options.seed=3", "friction.provider=rippled"])
     assert scene.friction.options == {"seed": 3}
     assert load_scene("wheelset", ["friction.provider=uniform"]).friction.options == {"coefficient": 0.11}
+
+
+def test_options_that_another_provider_starts_without_are_named(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        "axle = { seat_radius = 50.0, seat_length = 60.0 }\n"
+        "wheel = { bore_radius = 49.95, hub_length = 60.0, hub_outer_radius = 90.0, chamfer_length = 5.0, "
+        "chamfer_height = 0.5 }\n"
+        "motion = { travel = 20.0, increment = 1.0 }\n"
+        'friction = { provider = "dem", options = { micro_friction = 0.07, seed = 3 } }\n'
+    )
+    with pytest.warns(UserWarning, match=r"without the options of 'dem': .* is meant of micro_friction = 0.07$"):
+        scene = load_scene(path, ["friction.provider=surrogate", "friction.options.seed=4"])
+    assert scene.friction.options == {"seed": 4}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_scene(path, ["friction.provider=uniform"])
+        load_scene(path, ["friction.provider=surrogate", "friction.options={seed=4}"])
+        load_scene("wheelset", ["friction.provider=surrogate"])
 
 
 @pytest.mark.parametrize("solver", ["condensed", "monolithic"])
