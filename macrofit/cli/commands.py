@@ -406,7 +406,7 @@ def init(kind: str, target: Path | None) -> None:
 def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
     """Decode and check SCENE, its mesh files and its friction provider, and say what it will do."""
     from ..friction import registry
-    from ..results.outlook import outlook
+    from ..results.outlook import outlook, tiles_outlook
     from ..scene import idle_keys, load_scene
 
     resolved = load_scene(scene, overrides)
@@ -414,7 +414,7 @@ def check(scene: str, overrides: tuple[str, ...], target: Path | None) -> None:
         complain(f"warning: {line}")
     friction, material = resolved.friction, resolved.axle.material
     build = partial(registry.build_provider, friction.provider, friction.options)
-    for line in registry.try_provider(build, material.youngs_modulus, material.poisson_ratio):
+    for line in registry.try_provider(build, material.youngs_modulus, material.poisson_ratio, tiles_outlook(resolved)):
         complain(f"warning: {line}")
     for line in outlook(resolved):
         click.echo(line)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from macrofit.base.errors import MacrofitError
 from macrofit.base.foreign import foreign_code
 from macrofit.base.keys import KeyMistake, decode_tables
 from macrofit.errors import ProviderError
@@ -83,14 +84,18 @@ def build_provider(name: str, options: Mapping[str, object], context: BuildConte
 
 
 def try_provider(
-    build: Callable[[BuildContext], FrictionProvider], youngs_modulus: float, poisson_ratio: float
+    build: Callable[[BuildContext], FrictionProvider],
+    youngs_modulus: float,
+    poisson_ratio: float,
+    tiles: tuple[int, int] = (1, 1),
 ) -> list[str]:
-    """Build a provider for one tile of each body, so that what it refuses is known before anything runs.
+    """Build a provider, by default for one tile of each body, so that what it refuses is known before anything runs.
 
     Args:
         build: makes the provider.
         youngs_modulus: of the axle [MPa].
         poisson_ratio: of the axle [-].
+        tiles: number of tiles of the seat and of the bore.
 
     Returns:
         what it warned of.
@@ -98,7 +103,8 @@ def try_provider(
     Raises:
         ProviderError: as `build_provider`.
     """
-    context = BuildContext(seat_tiles=1, bore_tiles=1, youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
+    seat, bore = tiles
+    context = BuildContext(seat_tiles=seat, bore_tiles=bore, youngs_modulus=youngs_modulus, poisson_ratio=poisson_ratio)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", UserWarning)
@@ -200,4 +206,5 @@ def _source(entry: EntryPoint) -> str:
 
 
 def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
+    """What an error says; one that is meant for the user needs no name of its class."""
+    return str(error) if isinstance(error, MacrofitError) else f"{type(error).__name__}: {error}"

@@ -13,8 +13,10 @@ import pytest
 from click.testing import CliRunner
 from fakes import fake_increment, fake_scene, fake_solution
 
+from macrofit import assembly
 from macrofit.cli import main
 from macrofit.errors import ConvergenceError
+from macrofit.friction import BuildContext, build_provider, registry
 from macrofit.results import folder as output
 from macrofit.scene import scene_names
 
@@ -104,6 +106,31 @@ def test_check_says_what_the_scene_will_do(scene_file):
     assert "First touch     at 0 mm" in shown.stdout
 
 
+def test_check_builds_the_provider_that_a_run_would(scene_file, tmp_path, monkeypatch):
+    """... for as many tiles: a measured strip may be too short for them."""
+    seen: list[BuildContext] = []
+
+    def noted(name, options, context):
+        seen.append(context)
+        return build_provider(name, options, context)
+
+    monkeypatch.setattr(registry, "build_provider", noted)
+    monkeypatch.setattr(assembly, "build_provider", noted)
+    assert macrofit("check", scene_file).exit_code == 0
+    assert macrofit("run", scene_file, "-o", tmp_path / "out", "--quiet").exit_code == 0
+    checked, run = ((context.seat_tiles, context.bore_tiles) for context in seen)
+    assert checked == run > (1, 1)
+
+
+def test_check_says_what_the_steel_bears(scene_file):
+    shown = macrofit(
+        "check", scene_file, "--set", "axle.material={grade='EA4T', elastic=true}",
+        "--set", "wheel.material.yield_stress=400",
+    )  # fmt: skip
+    assert "Steel, axle     bears 420 MPa, stays elastic" in shown.stdout
+    assert "Steel, wheel    bears 400 MPa, then flows" in shown.stdout
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -113,7 +140,7 @@ def test_check_says_what_the_scene_will_do(scene_file):
         ("mesh.axle=none.msh", "macrofit: axle"),
         (
             'friction={provider="surrogate",options={micro_friction=0.5}}',
-            "macrofit: friction provider 'surrogate' cannot be built: ProviderError: the network has not seen",
+            "macrofit: friction provider 'surrogate' cannot be built: the network has not seen",
         ),
     ],
 )
