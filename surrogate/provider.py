@@ -434,6 +434,10 @@ class TileNetwork:
         answer, which = self._answered(pairs)
         return answer.spread[which]
 
+    def announced(self, pairs: TilePairs) -> None:
+        """Let the tiles know of pairs that will be asked: they are prepared with those of other micro coefficients."""
+        self.tiles.expect(pairs.seat, pairs.bore, self.tiles.levels(self._on_steel * pairs.pressure))
+
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
 

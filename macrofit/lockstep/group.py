@@ -14,6 +14,7 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
+from ..friction import FacingPairs
 from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
@@ -86,17 +87,7 @@ class Member(Press):
 
 def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: float) -> list[Member]:
     """Offer the members their steps on one coupling; gives those that move as far as what it leaves out."""
-    left: list[Member] = []
-    frictions: list[FloatArray] = []
-    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
-    for member in members:
-        here = member.here
-        try:
-            frictions.append(member.friction.facet_friction(overlaps, here.pressure, here.accumulated_slip))
-        except MacrofitError as error:
-            member.offered = error
-        else:
-            left.append(member)
+    left, frictions = _asked(members, coupling, displacement)
     if len(left) < 2:
         return []
     wide = []
@@ -106,6 +97,29 @@ def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: fl
         else:
             wide.append(member)
     return wide
+
+
+def _asked(
+    members: Sequence[Member], coupling: MortarCoupling, displacement: float
+) -> tuple[list[Member], list[FloatArray]]:
+    """The friction of the members' facets, without those whose provider fails: they are offered the error.
+
+    What all of them will ask is announced first, so that providers of the same surfaces prepare a pair of tiles once,
+    and all new ones together.
+    """
+    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
+    facing, left, frictions = FacingPairs.of(overlaps), [], []
+    asked = [member.friction.question(facing, member.here.pressure, member.here.accumulated_slip) for member in members]
+    for member, question in zip(members, asked, strict=True):
+        member.friction.announce(question)
+    for member, question in zip(members, asked, strict=True):
+        try:
+            frictions.append(member.friction.answer(question))
+        except MacrofitError as error:
+            member.offered = error
+        else:
+            left.append(member)
+    return left, frictions
 
 
 def _solved(

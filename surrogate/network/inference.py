@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import blas
 
 from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 Single: TypeAlias = npt.NDArray[np.float32]
 """Numbers in the network's precision."""
 
-NODES_PER_CHUNK = 2**15
+NODES_PER_CHUNK = 2**16
 """Nodes of the faces whose foundations are computed together: they stay in the cache."""
 LAWS_PER_CHUNK = 512
 """Pairs whose affine laws are computed together."""
@@ -40,6 +41,8 @@ QUANTILE_90 = 1.645
 """Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
 NEWTON_STEPS = 30
 """Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
+MOST_GATHERED = 0.6
+"""Share of the rows up to which those that still move are copied, and looked at by themselves [-]."""
 NEWTON_TOLERANCE = 1e-5
 """Step below which the iteration ends, as a share of the mean overlap [-]."""
 
@@ -83,7 +86,8 @@ class TrainedEnsemble:
 
     def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         self.options, self.arrays = options, dict(arrays)
-        self._first = np.ascontiguousarray(np.moveaxis(arrays["first"], 1, 0))[..., None]  # (F, M, W, 1)
+        self._first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0)).reshape(len(arrays["centre"]), -1)  # (F, W M)
+        self._first_bias = arrays["first_bias"].T.ravel()  # (W M,)
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
         self._terms = len(options.stiffness) + options.constant
@@ -130,16 +134,18 @@ class TrainedEnsemble:
 
     def member_laws(self, slopes: Single, features: Single) -> Single:
         """a, b, the spread of b and where it is wide that of a, of every member, (3 or 4, members, pairs)."""
-        weights = self.arrays
+        weights, pairs = self.arrays, len(features)
         x = np.ascontiguousarray(((features - weights["centre"]) / weights["scale"]).T)  # (F, P)
-        hidden = weights["first_bias"][:, :, None] + np.zeros(len(features), dtype=np.float32)
-        for row, value in zip(self._first, x, strict=True):
-            hidden += row * value  # (M, W, P)
-        hidden = hidden / (np.float32(1.0) + np.abs(hidden))
-        units = np.ascontiguousarray(np.moveaxis(hidden, 1, 0))  # (W, M, P)
-        out = self._last_bias + np.zeros(len(features), dtype=np.float32)
-        for row, unit in zip(self._last, units, strict=True):
-            out += row * unit  # (O, M, P)
+        units = np.empty((pairs, self._first.shape[1]), dtype=np.float32)
+        units[:] = self._first_bias
+        for row, value in zip(self._first, x, strict=True) if pairs else ():
+            blas.sger(1.0, row, value, a=units.T, overwrite_a=1)  # pair by pair: its bits do not depend on the others
+        units /= np.float32(1.0) + np.abs(units)
+        out = self._last_bias + np.zeros(pairs, dtype=np.float32)  # (O, M, P)
+        part = np.empty_like(out)
+        for row, unit in zip(self._last, np.ascontiguousarray(units.T).reshape(len(self._last), *out.shape[1:]), strict=True):
+            np.multiply(row, unit, out=part)
+            out += part
         terms = [*slopes.T, np.full(len(slopes), CONSTANT_UNIT, dtype=np.float32)][: self._terms]
         b = out[0] * terms[0]
         for weight, term in zip(out[1 : self._terms], terms[1:], strict=True):
@@ -299,7 +305,8 @@ def touched(sums: HeightArray, height: FloatArray, work: Single) -> Touch:
 def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: Single) -> Touch:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
-    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap.
+    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap; most need half as many steps
+    as the slowest.
 
     Args:
         sums: sums of the heights of both faces (pairs, G) [mm].
@@ -307,14 +314,24 @@ def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: S
         start: at a height not above z.
         work: the overlaps of `start` (pairs, G); those at z are left there.
     """
-    touch = start
+    height, sum_above, nodes = (values.copy() for values in start)
+    target, tolerance = overlap * sums.shape[1], NEWTON_TOLERANCE * overlap
+    moving: IntArray | slice = slice(None)  # the rows whose step was not small enough yet; the others stay
     for _ in range(NEWTON_STEPS):
-        step = (touch.overlap - overlap * sums.shape[1]) / np.maximum(touch.nodes, 1)
-        moves = step > NEWTON_TOLERANCE * overlap
-        if not moves.any():
+        step = (sum_above[moving] - target[moving]) / np.maximum(nodes[moving], 1)
+        moves = np.flatnonzero(step > tolerance[moving])
+        if not len(moves):
             break
-        touch = touched(sums, np.where(moves, touch.height + step, touch.height), work)
-    return touch
+        rows = moves if isinstance(moving, slice) else moving[moves]
+        height[rows] += step[moves]
+        if len(rows) > MOST_GATHERED * len(sums):
+            moving, touch = slice(None), touched(sums, height, work)
+        else:
+            above = np.empty((len(rows), sums.shape[1]), dtype=np.float32)
+            moving, touch = rows, touched(sums[rows], height[rows], above)
+            work[rows] = above
+        sum_above[moving], nodes[moving] = touch.overlap, touch.nodes
+    return Touch(height, sum_above, nodes)
 
 
 def _response(
