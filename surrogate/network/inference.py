@@ -86,7 +86,8 @@ class TrainedEnsemble:
 
     def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         self.options, self.arrays = options, dict(arrays)
-        self._first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0)).reshape(len(arrays["centre"]), -1)  # (F, W M)
+        first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0))  # (F, W, M)
+        self._first = first.reshape(len(first), -1)  # (F, W M)
         self._first_bias = arrays["first_bias"].T.ravel()  # (W M,)
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
@@ -143,7 +144,8 @@ class TrainedEnsemble:
         units /= np.float32(1.0) + np.abs(units)
         out = self._last_bias + np.zeros(pairs, dtype=np.float32)  # (O, M, P)
         part = np.empty_like(out)
-        for row, unit in zip(self._last, np.ascontiguousarray(units.T).reshape(len(self._last), *out.shape[1:]), strict=True):
+        by_unit = np.ascontiguousarray(units.T).reshape(len(self._last), *out.shape[1:])  # (W, M, P)
+        for row, unit in zip(self._last, by_unit, strict=True):
             np.multiply(row, unit, out=part)
             out += part
         terms = [*slopes.T, np.full(len(slopes), CONSTANT_UNIT, dtype=np.float32)][: self._terms]
