@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,12 @@ class Group:
             member.asked = True
         if len(present) < 2 or asking.here.displacement == displacement:  # a fit in place, or a wheel that cools
             return
-        line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
+        strain = asking.scene.thermal_strain_at(asking.done)
+        line, bore = asking.seat.line, warmed(asking.bore, strain)
         coupling = couple_lines(line, bore, displacement, REACH)
         if coupling is None:
+            for member in present:
+                member.offered = member.apart(member.here, displacement, strain)
             return
         wide = _offer(present, coupling, displacement)
         everything = couple_lines(line, bore, displacement) if wide else None
@@ -62,6 +66,11 @@ class Member(Press):
     offered: Step | MacrofitError | None = None
     asked: bool = False  # whether the group was asked for this increment
 
+    @cached_property
+    def places(self) -> tuple[float, ...]:
+        """The displacements of its scene [mm]."""
+        return self.scene.displacements
+
     def resumed(self, states: list[State]) -> State:
         """The state to go on from; the group learns where this member is."""
         self.here, self.done = super().resumed(states), len(states)
@@ -69,8 +78,8 @@ class Member(Press):
 
     def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """The step that was offered; another one than that of the whole increment is solved alone."""
-        displacements = self.scene.displacements
-        if state is self.here and self.done < len(displacements) and displacement == displacements[self.done]:
+        places = self.places
+        if state is self.here and self.done < len(places) and displacement == places[self.done]:
             if not self.asked:
                 self.group.solve(self, displacement)
             offered, self.offered = self.offered, None
