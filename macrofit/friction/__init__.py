@@ -13,7 +13,7 @@ from macrofit.friction.contract import (
     StatesUncertainty,
     TilePairs,
 )
-from macrofit.friction.field import FieldState, FrictionField, Question
+from macrofit.friction.field import FieldState, FrictionField, Question, announce
 from macrofit.friction.registry import (
     InstalledProvider,
     build,
@@ -49,6 +49,7 @@ __all__ = [
     "TileOverlaps",
     "TilePairs",
     "Uniform",
+    "announce",
     "answered",
     "build",
     "build_provider",

@@ -39,6 +39,10 @@ class TilePairs(NamedTuple):
         """A new batch of the pairs numbered `index`, in that order."""
         return TilePairs(self.seat[index], self.bore[index], self.pressure[index], self.sliding[index])
 
+    def copy(self) -> TilePairs:
+        """The same batch in arrays of its own."""
+        return TilePairs(self.seat.copy(), self.bore.copy(), self.pressure.copy(), self.sliding.copy())
+
 
 class FrictionProvider(Protocol):
     """A source of coefficients of friction.

@@ -106,7 +106,7 @@ class FrictionField:
         self.calls = 0
         self.pairs_asked = 0
         self._ask = ask or (lambda provider, pairs: answered(provider, pairs, self.name))
-        self._part = part or (lambda pairs: pairs)
+        self.part = part or (lambda pairs: pairs)
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
         self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
@@ -127,7 +127,7 @@ class FrictionField:
         return self.answer(self.question(FacingPairs.of(overlaps), pressure, sliding))
 
     def question(self, facing: FacingPairs, pressure: FloatArray, sliding: FloatArray) -> Question:
-        """What `facet_friction` asks the provider, to be told before any of several runs ask, and then to be answered.
+        """What `facet_friction` asks the provider; see `announce` and `answer`.
 
         Args:
             facing: the pairs of tiles that the facets face.
@@ -140,16 +140,6 @@ class FrictionField:
         return Question(
             facing, pressure.size, TilePairs(*tiles_of(pairs), facing.pair_mean(pressure), facing.pair_mean(sliding))
         )
-
-    def announce(self, question: Question) -> None:
-        """Let the provider hear what it will be asked, if it wants to know (see `HearsAhead`).
-
-        One that fails at this will fail when it is asked, and be heard then.
-        """
-        if question.pairs is not None and isinstance(self.provider, HearsAhead):
-            mine = self._part(question.pairs)
-            with suppress(Exception), foreign_code():
-                self.provider.announced(mine.take(np.arange(mine.seat.size)))
 
     def answer(self, question: Question) -> FloatArray:
         """The coefficient of friction of each facet, as `facet_friction`.
@@ -280,6 +270,17 @@ class FrictionField:
         self._pending.append(told)
         self._news.append(told)
         return coefficient
+
+
+def announce(asked: Iterable[tuple[FrictionField, Question]]) -> None:
+    """Let the providers of several runs hear what they will be asked, those that want to know (see `HearsAhead`).
+
+    One that fails at this will fail when it is asked, and be heard then.
+    """
+    with suppress(Exception), foreign_code():
+        for field, question in asked:
+            if question.pairs is not None and isinstance(field.provider, HearsAhead):
+                field.provider.announced(field.part(question.pairs).copy())
 
 
 def _latest(told: list[_Told]) -> _Told:

@@ -15,7 +15,7 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
-from ..friction import FacingPairs
+from ..friction import FacingPairs, announce
 from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
@@ -119,8 +119,7 @@ def _asked(
     overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
     facing, left, frictions = FacingPairs.of(overlaps), [], []
     asked = [member.friction.question(facing, member.here.pressure, member.here.accumulated_slip) for member in members]
-    for member, question in zip(members, asked, strict=True):
-        member.friction.announce(question)
+    announce(zip((member.friction for member in members), asked, strict=True))
     for member, question in zip(members, asked, strict=True):
         try:
             frictions.append(member.friction.answer(question))
