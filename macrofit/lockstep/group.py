@@ -20,9 +20,6 @@ from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
 
-BLOCK = 8
-"""Runs that a product of matrices takes at once: six take a third longer than eight, so that the last is doubled."""
-
 
 class Group:
     """Members at the same increment are solved together, when the first of them asks for it."""
@@ -134,11 +131,9 @@ def _solved(
     members: Sequence[Member], frictions: list[FloatArray], coupling: MortarCoupling, displacement: float
 ) -> list[Step]:
     """The step of each member; none where they do not converge together."""
-    one, spare = members[0], -len(members) % BLOCK if len(members) > BLOCK // 2 else 0
+    one = members[0]
     assert isinstance(one.engine, Condensed)
-    states = [member.here for member in members]
-    before = stacked([*states, *states[-1:] * spare])
-    friction = np.stack([*frictions, *frictions[-1:] * spare])
+    before, friction = stacked([member.here for member in members]), np.stack(frictions)
     posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), friction)
     problem = Lockstep(one.engine, posed.contact)
     report = newton(problem, posed.friction, posed.status, posed.kappa)
