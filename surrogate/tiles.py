@@ -111,6 +111,8 @@ class Tiles:
             bore: as in `predict`.
             level: as in `predict`.
         """
+        if not isinstance(self.predictor.model, TrainedEnsemble):
+            return  # the paper's network looks at each face once, and at pairs when they are asked
         there = (seat >= 0) & (seat < self.counts[0]) & (bore >= 0) & (bore < self.counts[1])
         asked = np.ravel_multi_index((seat[there], bore[there], level[there]), self._row.shape)
         new = asked[self._row.ravel()[asked] < 0]

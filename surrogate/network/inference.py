@@ -212,8 +212,9 @@ def upper_roughness(faces: HeightArray) -> Single:
 
 
 def _mean_in_order(members: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Mean over the first dimension, summed one after the other: numpy's sum takes another order for a single pair."""
-    return np.asarray(reduce(np.add, members) / len(members))
+    """Mean over the first dimension, summed one after the other: numpy takes another order for a single pair."""
+    total = np.add.reduce(members, axis=0) if members.shape[1] > 1 else reduce(np.add, members)
+    return np.asarray(total / len(members))
 
 
 class SlideNumbers(NamedTuple):
