@@ -1,8 +1,8 @@
 """The tiles of a press-fit: their faces, made once, and what the network makes of their pairs.
 
 Only the last step of a prediction depends on the micro coefficient, and it is cheap. What comes before it is kept for
-each pair, for as long as a provider of the same surfaces and network lives or is the last one that was built: a study
-over micro coefficients prepares its pairs once.
+each pair, for as long as a provider of the same surfaces and network lives or is among the last that were built: a study
+over micro coefficients, meshes or motions prepares its pairs once, those of all its runs in lockstep together.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from .network.shipped import NETWORK
 T = TypeVar("T", bound=np.generic)
 FACES_TOGETHER = 16
 """Faces of a strip that are made at once: neighbours share what they overlap."""
+
+KEPT = 8
+"""Tiles of different surfaces that are kept, as many as runs go in lockstep: some 5 MB each."""
 
 
 class Tiles:
@@ -235,5 +238,5 @@ def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
     return Predictor(path)
 
 
-shared_tiles = functools.lru_cache(maxsize=1)(Tiles)
-"""Tiles of these arguments: the same object as last time if the arguments are the same."""
+shared_tiles = functools.lru_cache(maxsize=KEPT)(Tiles)
+"""Tiles of these arguments: the same object as before if it is among the last that were asked for."""

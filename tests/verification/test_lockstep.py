@@ -145,6 +145,19 @@ def test_runs_on_one_surface_prepare_a_pair_once_and_together(monkeypatch: pytes
     assert len(prepared) == len(set(prepared)) < 1.3 * found[0].counters["pairs_asked"]
 
 
+def test_one_surface_in_runs_of_several_bodies_is_made_once() -> None:
+    """Surfaces in turn on one mesh, then on another: bodies are no part of what a pair of tiles depends on."""
+    shared_tiles.cache_clear()
+    for facet in (5.0, 6.0):
+        scenes = [
+            small_path((25.0, 30.0), "friction.provider=surrogate", f"friction.options.seed={seed}",
+                       f"mesh.seat_facet={facet}")
+            for seed in (1, 2, 3)
+        ]  # fmt: skip
+        together(scenes)
+        assert shared_tiles.cache_info().misses == 3
+
+
 class Listener:
     """A provider that hears of its questions, and remembers what it heard before it was asked."""
 

@@ -22,7 +22,7 @@ from surrogate.errors import CheckpointError, PredictionError
 from surrogate.network import inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
 from surrogate.network.predict import Prediction, Predictor
-from surrogate.tiles import FACES_TOGETHER, Tiles, load_predictor, shared_tiles
+from surrogate.tiles import FACES_TOGETHER, KEPT, Tiles, load_predictor, shared_tiles
 
 POINTS, SEED = 9, 3
 COUNTS = 14, 11
@@ -297,5 +297,8 @@ def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predict
     ]
     for other in others:
         assert shared_tiles(*other) is not first
-    assert surrogate.tiles.shared_tiles.cache_info().currsize == 1
+    assert shared_tiles(energy, SEED, SURFACE, COUNTS) is first
+    for seed in range(KEPT):
+        shared_tiles(energy, SEED + 2 + seed, SURFACE, COUNTS)
+    assert surrogate.tiles.shared_tiles.cache_info().currsize == KEPT
     assert shared_tiles(energy, SEED, SURFACE, COUNTS) is not first
