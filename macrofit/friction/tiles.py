@@ -61,7 +61,7 @@ class FacingPairs:
 
     @cached_property
     def _pair_weight(self) -> FloatArray:
-        return np.bincount(self.distinct[1], self.overlaps.weight)
+        return np.asarray(np.bincount(self.distinct[1], self.overlaps.weight), dtype=np.float64)
 
     def pair_mean(self, values: FloatArray) -> FloatArray:
         """The mean of values of facets over each pair, by weight, (pairs,)."""

@@ -317,7 +317,7 @@ def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: S
         start: at a height not above z.
         work: the overlaps of `start` (pairs, G); those at z are left there.
     """
-    height, sum_above, nodes = (values.copy() for values in start)
+    height, sum_above, nodes = start.height.copy(), start.overlap.copy(), start.nodes.copy()
     target, tolerance = overlap * sums.shape[1], NEWTON_TOLERANCE * overlap
     moving: IntArray | slice = slice(None)  # the rows whose step was not small enough yet; the others stay
     for _ in range(NEWTON_STEPS):
