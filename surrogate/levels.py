@@ -52,3 +52,17 @@ class PressureLevels:
     def pressure(self, level: IntArray) -> FloatArray:
         """The pressure of each level [MPa]."""
         return np.asarray(self.low * np.exp(self._step * level))
+
+
+def distinct_pairs(
+    seat: IntArray, bore: IntArray, level: IntArray
+) -> tuple[tuple[IntArray, IntArray, IntArray], IntArray]:
+    """Each pair at a level once, sorted, and the number of each among them."""
+    if np.all((seat[1:] > seat[:-1]) | ((seat[1:] == seat[:-1]) & (bore[1:] > bore[:-1]))):
+        return (seat, bore, level), np.arange(seat.size)  # as the solver asks
+    columns = [np.unique(column, return_inverse=True) for column in (seat, bore, level)]
+    shape = tuple(max(1, len(values)) for values, _ in columns)
+    distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
+    places = np.unravel_index(distinct, shape)
+    first, second, third = (values[at] for (values, _), at in zip(columns, places, strict=True))
+    return (first, second, third), which

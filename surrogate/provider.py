@@ -48,6 +48,7 @@ from meso.surfaces.surface import Body, tile_seed
 
 from .data.plates import Plates
 from .errors import SurrogateError
+from .levels import distinct_pairs
 from .network.shipped import SHIPPED, NetworkName
 
 if TYPE_CHECKING:
@@ -446,7 +447,7 @@ class TileNetwork:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
         asked = np.stack([pairs.seat, pairs.bore, pairs.pressure])
         if self._asked is None or not np.array_equal(self._asked[0], asked):
-            distinct, which = self.tiles.distinct(pairs.seat, pairs.bore, self._levels(pairs))
+            distinct, which = distinct_pairs(pairs.seat, pairs.bore, self._levels(pairs))
             if self._last is None or not all(map(np.array_equal, self._last.pairs, distinct)):
                 self._last = self._predicted(*distinct)
             self._asked = asked, which

@@ -79,20 +79,6 @@ class Tiles:
         """The level that serves each pressure [MPa], given at the modulus of the network's plates."""
         return np.zeros(len(pressure), dtype=np.int64) if self.pressures is None else self.pressures.of(pressure)
 
-    @staticmethod
-    def distinct(
-        seat: IntArray, bore: IntArray, level: IntArray
-    ) -> tuple[tuple[IntArray, IntArray, IntArray], IntArray]:
-        """Each of the pairs once, sorted, and the number of each among them."""
-        if np.all((seat[1:] > seat[:-1]) | ((seat[1:] == seat[:-1]) & (bore[1:] > bore[:-1]))):
-            return (seat, bore, level), np.arange(seat.size)  # as the solver asks
-        columns = [np.unique(column, return_inverse=True) for column in (seat, bore, level)]
-        shape = tuple(max(1, len(values)) for values, _ in columns)
-        distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
-        places = np.unravel_index(distinct, shape)
-        first, second, third = (values[at] for (values, _), at in zip(columns, places, strict=True))
-        return (first, second, third), which
-
     def predict(self, seat: IntArray, bore: IntArray, micro: float, level: IntArray | None = None) -> Prediction:
         """The coefficients of pairs of tiles, as the network gives them for their faces, to the bit.
 
