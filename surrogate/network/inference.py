@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import blas
 
 from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
@@ -86,9 +85,8 @@ class TrainedEnsemble:
 
     def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         self.options, self.arrays = options, dict(arrays)
-        first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0))  # (F, W, M)
-        self._first = first.reshape(len(first), -1)  # (F, W M)
-        self._first_bias = arrays["first_bias"].T.ravel()  # (W M,)
+        self._first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0))[..., None]  # (F, W, M, 1)
+        self._first_bias = np.ascontiguousarray(arrays["first_bias"].T)[..., None]  # (W, M, 1)
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
         self._terms = len(options.stiffness) + options.constant
@@ -135,19 +133,11 @@ class TrainedEnsemble:
 
     def member_laws(self, slopes: Single, features: Single) -> Single:
         """a, b, the spread of b and where it is wide that of a, of every member, (3 or 4, members, pairs)."""
-        weights, pairs = self.arrays, len(features)
+        weights = self.arrays
         x = np.ascontiguousarray(((features - weights["centre"]) / weights["scale"]).T)  # (F, P)
-        units = np.empty((pairs, self._first.shape[1]), dtype=np.float32)
-        units[:] = self._first_bias
-        for row, value in zip(self._first, x, strict=True) if pairs else ():
-            blas.sger(1.0, row, value, a=units.T, overwrite_a=1)  # pair by pair: its bits do not depend on the others
+        units = _added_up(self._first_bias, self._first, x)  # (W, M, P)
         units /= np.float32(1.0) + np.abs(units)
-        out = self._last_bias + np.zeros(pairs, dtype=np.float32)  # (O, M, P)
-        part = np.empty_like(out)
-        by_unit = np.ascontiguousarray(units.T).reshape(len(self._last), *out.shape[1:])  # (W, M, P)
-        for row, unit in zip(self._last, by_unit, strict=True):
-            np.multiply(row, unit, out=part)
-            out += part
+        out = _added_up(self._last_bias, self._last, units)  # (O, M, P)
         terms = [*slopes.T, np.full(len(slopes), CONSTANT_UNIT, dtype=np.float32)][: self._terms]
         b = out[0] * terms[0]
         for weight, term in zip(out[1 : self._terms], terms[1:], strict=True):
@@ -192,6 +182,16 @@ class TrainedEnsemble:
         low, high = self.arrays["lowest"], self.arrays["highest"]
         slack = np.float32(BEYOND) * (high - low)
         return np.asarray(((features >= low - slack) & (features <= high + slack)).all(axis=1))
+
+
+def _added_up(bias: Single, weights: Single, inputs: Single) -> Single:
+    """bias (n, M, 1) + sum over i of weights[i] (n, M, 1) * inputs[i] (P,) or (M, P), one after the other; (n, M, P)."""
+    found = bias + np.zeros(inputs.shape[-1], dtype=np.float32)
+    part = np.empty_like(found)
+    for weight, value in zip(weights, inputs, strict=True):
+        np.multiply(weight, value, out=part)
+        found += part
+    return found
 
 
 def positive(values: Single) -> Single:
