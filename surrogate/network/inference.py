@@ -185,7 +185,7 @@ class TrainedEnsemble:
 
 
 def _added_up(bias: Single, weights: Single, inputs: Single) -> Single:
-    """bias (n, M, 1) + sum over i of weights[i] (n, M, 1) * inputs[i] (P,) or (M, P), one after the other; (n, M, P)."""
+    """bias (n, M, 1) + sum over i of weights[i] (n, M, 1) * inputs[i] (P,) or (M, P), one by one; (n, M, P)."""
     found = bias + np.zeros(inputs.shape[-1], dtype=np.float32)
     part = np.empty_like(found)
     for weight, value in zip(weights, inputs, strict=True):
