@@ -151,7 +151,8 @@ def friction_field(
         provider = build_provider(name, options, context) if script is None else script.build(options, context)
     stated = script is not None and script.digest is not None
     fingerprint = script.fingerprint(options) if script is not None and stated else ""
-    return FrictionField(provider, name, SharedAsk(comm, name), fingerprint=fingerprint)
+    ask = SharedAsk(comm, name)
+    return FrictionField(provider, name, ask, part=ask.part, fingerprint=fingerprint)
 
 
 def yielding_of(scene: Scene, assembly: Assembly) -> Yielding | None:

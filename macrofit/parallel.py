@@ -27,13 +27,17 @@ class SharedAsk:
         if self.comm.size == 1:
             with raise_together(self.comm):
                 return answered(provider, pairs, self.name)
-        bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
-        mine = np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1])
+        mine = self.part(pairs)
         answer = PairFriction(np.zeros(0), np.zeros(0))
         with raise_together(self.comm):
-            if len(mine):
-                answer = answered(provider, pairs.take(mine), self.name)
+            if len(mine.seat):
+                answer = answered(provider, mine, self.name)
         return PairFriction(*np.concatenate(self.comm.allgather(np.stack(answer)), axis=1))
+
+    def part(self, pairs: TilePairs) -> TilePairs:
+        """Those of the pairs that are asked on this rank."""
+        bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
+        return pairs.take(np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1]))
 
 
 def owner(comm: MPI.Comm, body: str) -> int:

@@ -184,7 +184,7 @@ class Press:
         bore = warmed(self.bore, strain)
         coupling = couple_lines(self.seat.line, bore, displacement, REACH)
         if coupling is None:
-            return self._apart(state, displacement, strain)
+            return self.apart(state, displacement, strain)
         step = self._resolve(state, displacement, coupling)
         if self.near(step, coupling):
             return step
@@ -443,7 +443,7 @@ class Press:
             friction=mean(friction),
         )
 
-    def _apart(self, state: State, displacement: float, thermal_strain: float) -> Step:
+    def apart(self, state: State, displacement: float, thermal_strain: float) -> Step:
         """The bodies face each other nowhere: everything is zero, but what plastic strains leave."""
         rest = self.rest()
         after = replace(

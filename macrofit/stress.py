@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .plasticity.history import FlowHistory
     from .plasticity.law import PointState
 
-_BATCH = 32  # right-hand sides at once
+_BATCH = 48  # right-hand sides at once: 32 take a tenth longer, and from 84 on stresses leave the cache
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,20 +31,38 @@ class PressureLevels:
     high: float
     tolerance: float = TOLERANCE
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of levels."""
         return 1 + max(0, math.ceil(math.log(self.high / self.low) / self._step - 0.5))
 
-    @property
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """Where each level but the last ends [MPa]: sqrt(p_k p_(k+1))."""
+        return np.asarray(self.low * np.exp(self._step * (np.arange(self.count - 1) + 0.5)))
+
+    @cached_property
     def _step(self) -> float:
         return math.log((1.0 + self.tolerance) / (1.0 - self.tolerance))
 
     def of(self, pressure: FloatArray) -> IntArray:
         """The level that serves each pressure [MPa], of the same shape."""
-        k = np.rint(np.log(np.maximum(pressure, self.low) / self.low) / self._step)
-        return np.asarray(np.minimum(k, self.count - 1), dtype=np.int64)
+        return np.searchsorted(self._ends, pressure)
 
     def pressure(self, level: IntArray) -> FloatArray:
         """The pressure of each level [MPa]."""
         return np.asarray(self.low * np.exp(self._step * level))
+
+
+def distinct_pairs(
+    seat: IntArray, bore: IntArray, level: IntArray
+) -> tuple[tuple[IntArray, IntArray, IntArray], IntArray]:
+    """Each pair at a level once, sorted, and the number of each among them."""
+    if np.all((seat[1:] > seat[:-1]) | ((seat[1:] == seat[:-1]) & (bore[1:] > bore[:-1]))):
+        return (seat, bore, level), np.arange(seat.size)  # as the solver asks
+    columns = [np.unique(column, return_inverse=True) for column in (seat, bore, level)]
+    shape = tuple(max(1, len(values)) for values, _ in columns)
+    distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
+    places = np.unravel_index(distinct, shape)
+    first, second, third = (values[at] for (values, _), at in zip(columns, places, strict=True))
+    return (first, second, third), which

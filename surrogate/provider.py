@@ -48,6 +48,7 @@ from meso.surfaces.surface import Body, tile_seed
 
 from .data.plates import Plates
 from .errors import SurrogateError
+from .levels import distinct_pairs
 from .network.shipped import SHIPPED, NetworkName
 
 if TYPE_CHECKING:
@@ -349,18 +350,6 @@ class _Answer(NamedTuple):
     """Standard deviation of mu [-]."""
 
 
-def _distinct(seat: IntArray, bore: IntArray, level: IntArray) -> tuple[tuple[IntArray, IntArray, IntArray], IntArray]:
-    """Each of the pairs once, sorted, and the number of each among them."""
-    if np.all((seat[1:] > seat[:-1]) | ((seat[1:] == seat[:-1]) & (bore[1:] > bore[:-1]))):
-        return (seat, bore, level), np.arange(seat.size)  # as the solver asks
-    columns = [np.unique(column, return_inverse=True) for column in (seat, bore, level)]
-    shape = tuple(max(1, len(values)) for values, _ in columns)
-    distinct, which = np.unique(np.ravel_multi_index([at for _, at in columns], shape), return_inverse=True)
-    places = np.unravel_index(distinct, shape)
-    first, second, third = (values[at] for (values, _), at in zip(columns, places, strict=True))
-    return (first, second, third), which
-
-
 class TileNetwork:
     """The predicted meso coefficient of each pair of tiles.
 
@@ -434,6 +423,10 @@ class TileNetwork:
         answer, which = self._answered(pairs)
         return answer.spread[which]
 
+    def announced(self, pairs: TilePairs) -> None:
+        """Have the pairs prepared with those that others on the same tiles will be asked for."""
+        self.tiles.expect(pairs.seat, pairs.bore, self._levels(pairs))
+
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
 
@@ -447,11 +440,14 @@ class TileNetwork:
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
 
+    def _levels(self, pairs: TilePairs) -> IntArray:
+        return self.tiles.levels(self._on_steel * pairs.pressure)
+
     def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
         asked = np.stack([pairs.seat, pairs.bore, pairs.pressure])
         if self._asked is None or not np.array_equal(self._asked[0], asked):
-            distinct, which = _distinct(pairs.seat, pairs.bore, self.tiles.levels(self._on_steel * pairs.pressure))
+            distinct, which = distinct_pairs(pairs.seat, pairs.bore, self._levels(pairs))
             if self._last is None or not all(map(np.array_equal, self._last.pairs, distinct)):
                 self._last = self._predicted(*distinct)
             self._asked = asked, which

@@ -1,8 +1,8 @@
 """The tiles of a press-fit: their faces, made once, and what the network makes of their pairs.
 
 Only the last step of a prediction depends on the micro coefficient, and it is cheap. What comes before it is kept for
-each pair, for as long as a provider of the same surfaces and network lives or is the last one that was built: a study
-over micro coefficients prepares its pairs once.
+each pair, for as long as a provider of the same surfaces and network lives or is among the last that were built: a
+study over micro coefficients, meshes or motions prepares its pairs once, those of all its runs in lockstep together.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from .network.shipped import NETWORK
 T = TypeVar("T", bound=np.generic)
 FACES_TOGETHER = 16
 """Faces of a strip that are made at once: neighbours share what they overlap."""
+
+KEPT = 8
+"""Tiles of different surfaces that are kept, as many as runs go in lockstep: some 5 MB each."""
 
 
 class Tiles:
@@ -68,6 +71,7 @@ class Tiles:
         }
         levels = 1 if pressures is None else pressures.count
         self._row = np.full((*self.counts, levels), -1, dtype=np.int32)  # of a pair at a level, below
+        self._expected: list[IntArray] = []  # numbers of pairs at a level, to be prepared with the next ones
         self._laws: Single = np.empty(0, dtype=np.float32)  # with room for more pairs
         self._flags: BoolArray = np.empty(0, dtype=np.bool_)
 
@@ -95,12 +99,34 @@ class Tiles:
         level = np.zeros_like(seat) if level is None else level
         rows = self._row[seat, bore, level]
         if rows.min(initial=0) < 0:
-            new = np.unique(np.ravel_multi_index((seat, bore, level), self._row.shape)[rows < 0])
-            self._prepare(model, *np.unravel_index(new, self._row.shape))
+            self.expect(seat, bore, level)
+            self._prepare(model, *self._not_prepared())
             rows = self._row[seat, bore, level]
         if not len(rows):
             return self.predictor.nothing()
         return self.predictor.answer(self._laws[rows], self._flags[rows], micro)
+
+    def expect(self, seat: IntArray, bore: IntArray, level: IntArray) -> None:
+        """Prepare these pairs with the next ones that are not prepared yet: many at once take less time.
+
+        Args:
+            seat: as in `predict`; pairs of tiles that are not there are left out.
+            bore: as in `predict`.
+            level: as in `predict`.
+        """
+        if not isinstance(self.predictor.model, TrainedEnsemble):
+            return  # the paper's network looks at each face once, and at pairs when they are asked
+        there = (seat >= 0) & (seat < self.counts[0]) & (bore >= 0) & (bore < self.counts[1])
+        asked = np.ravel_multi_index((seat[there], bore[there], level[there]), self._row.shape)
+        new = asked[self._row.ravel()[asked] < 0]
+        if len(new):
+            self._expected.append(new)
+
+    def _not_prepared(self) -> tuple[IntArray, ...]:
+        """The pairs that were expected and are not prepared, each once; none is expected any longer."""
+        expected, self._expected = np.concatenate(self._expected), []
+        new = np.unique(expected[self._row.ravel()[expected] < 0])
+        return np.unravel_index(new, self._row.shape)
 
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
@@ -212,5 +238,5 @@ def _cached_predictor(path: Path, about: tuple[int, ...]) -> Predictor:
     return Predictor(path)
 
 
-shared_tiles = functools.lru_cache(maxsize=1)(Tiles)
-"""Tiles of these arguments: the same object as last time if the arguments are the same."""
+shared_tiles = functools.lru_cache(maxsize=KEPT)(Tiles)
+"""Tiles of these arguments: the same object as before if it is among the last that were asked for."""

@@ -224,17 +224,19 @@ class Body:
         """Displacement of every node, (dofs, k), from loads on the trace nodes (2 loaded nodes, k) [N]."""
         loaded = loads.shape[0] // 2
         dofs = self.trace_dofs.reshape(2, -1)[:, :loaded].ravel()
-        rhs = np.zeros((self.dofs, loads.shape[1]))
+        rhs = np.zeros((loads.shape[1], self.dofs)).T  # by columns, as the factor takes them
         rhs[dofs] = loads
-        return self.solve(rhs)
+        return self._solved(rhs)
 
     def solve(self, loads: FloatArray) -> FloatArray:
         """Displacement of every node, (dofs, k) [mm], from nodal loads (dofs, k) [N]; loads on supports do nothing."""
-        free = loads.copy()
-        free.reshape(len(self.supported), 2, -1)[self.supported] = 0.0
-        out = self.kept_factor.solve(free)
+        return self._solved(np.array(loads, order="F"))
+
+    def _solved(self, loads: FloatArray) -> FloatArray:
+        """As `solve`, for loads that are overwritten."""
+        loads[self.supported.ravel()] = 0.0
         self.back_substitutions += loads.shape[1]
-        return out
+        return np.ascontiguousarray(self.kept_factor.solve(loads))  # by rows, as products with sparse matrices take it
 
     def reaction(self, displacement: FloatArray, loads: FloatArray, inner: FloatArray | None = None) -> FloatArray:
         """Axial force [N] of the support ("held" or "pushed") on the body, (k,).
@@ -243,12 +245,18 @@ class Body:
         (dofs, k); what is loaded on the support's own nodes (a corner shared with the contact line) goes straight
         into it.
         """
-        nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
+        nodes, rows = self._support
         axial = loads[len(loads) // 2 :]
         direct = axial[np.isin(self.trace[: len(axial)], nodes)].sum(axis=0)
         if inner is not None:
             direct = direct + inner[2 * nodes + 1].sum(axis=0)
-        return np.asarray((self.stiffness[2 * nodes + 1] @ displacement).sum(axis=0) - direct)
+        return np.asarray((rows @ displacement).sum(axis=0) - direct)
+
+    @cached_property
+    def _support(self) -> tuple[IntArray, sp.csr_matrix]:
+        """The nodes of the axial support, and the rows of K that give its force."""
+        nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
+        return nodes, self.stiffness[2 * nodes + 1]
 
 
 def by_component(matrix: FloatArray) -> FloatArray:

@@ -75,4 +75,9 @@ def traction_operator(
 def von_mises(stress: FloatArray) -> FloatArray:
     """sqrt(((rr - zz)^2 + (zz - tt)^2 + (tt - rr)^2) / 2 + 3 rz^2) over the first axis of (4, ...)."""
     rr, zz, tt, rz = stress
-    return np.asarray(np.sqrt(0.5 * ((rr - zz) ** 2 + (zz - tt) ** 2 + (tt - rr) ** 2) + 3.0 * rz**2))
+    total = (rr - zz) ** 2  # in place from here on: new memory costs as much as the sums
+    total += (zz - tt) ** 2
+    total += (tt - rr) ** 2
+    total *= 0.5
+    total += 3.0 * rz**2
+    return np.asarray(np.sqrt(total))

@@ -30,6 +30,22 @@ class Band:
             if needed:
                 out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
 
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Values (..., n) of moments @ matrix, (..., span), block by block: of several runs in half of the time."""
+        flat = values.reshape(-1, values.shape[-1])
+        out = np.zeros((len(flat), self.matrix.shape[1]))
+        for rows, columns in self.blocks:
+            out[:, columns] += flat[:, rows] @ self.matrix[rows, columns]
+        return out.reshape(*values.shape[:-1], -1)
+
+    def gather(self, values: FloatArray, matrix: FloatArray) -> FloatArray:
+        """Values (..., span) @ matrix', (..., n), block by block, for this ``matrix`` or one with the same blocks."""
+        flat = values.reshape(-1, values.shape[-1])
+        out = np.empty((len(flat), len(matrix)))
+        for rows, columns in self.blocks:
+            out[:, rows] = flat[:, columns] @ matrix[rows, columns].T
+        return out.reshape(*values.shape[:-1], -1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class MortarCoupling:
@@ -66,8 +82,11 @@ class MortarCoupling:
         components = np.empty(forces.shape)
         components[0], components[1] = n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]
         loads = np.zeros((*forces.shape[:-1], self.nodes))
-        loads[..., self.bore.span] = _by_rows(components, self.bore.matrix)
-        return loads if forces.ndim > 2 else loads.ravel()
+        if forces.ndim > 2:
+            loads[..., self.bore.span] = self.bore.spread(components)
+            return loads
+        loads[:, self.bore.span] = components @ self.bore.matrix
+        return loads.ravel()
 
     def bore_slope(self, displacement: FloatArray) -> FloatArray:
         """n . du/ds (p n,), moments along the bore; (runs, p n) of (2, runs, bore nodes)."""
@@ -78,7 +97,7 @@ class MortarCoupling:
     def _on_line(self, matrix: FloatArray, displacement: FloatArray) -> FloatArray:
         """The band's ``matrix`` on both components of a displacement, or of those of several runs."""
         given = displacement.reshape(2, *displacement.shape[1:-1], self.nodes)[..., self.bore.span]
-        return _by_rows(given, matrix.T)
+        return given @ matrix.T if given.ndim == 2 else self.bore.gather(given, matrix)
 
     @property
     def bore_rows(self) -> sp.csr_matrix:
@@ -87,11 +106,6 @@ class MortarCoupling:
         matrix[:, self.bore.span] = self.bore.matrix
         n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(matrix) for k in (0, 1))
         return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
-
-
-def _by_rows(values: FloatArray, matrix: FloatArray) -> FloatArray:
-    """values (..., m) @ matrix (m, n), as one product: two with half as many rows take nearly twice as long."""
-    return np.asarray((values.reshape(-1, len(matrix)) @ matrix).reshape(*values.shape[:-1], -1))
 
 
 def couple_lines(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> MortarCoupling | None:

@@ -7,12 +7,13 @@ from macrofit.friction.contract import (
     BuildContext,
     FloatArray,
     FrictionProvider,
+    HearsAhead,
     IntArray,
     ProviderOptions,
     StatesUncertainty,
     TilePairs,
 )
-from macrofit.friction.field import FieldState, FrictionField
+from macrofit.friction.field import FieldState, FrictionField, Question, announce
 from macrofit.friction.registry import (
     InstalledProvider,
     build,
@@ -24,27 +25,31 @@ from macrofit.friction.registry import (
     try_provider,
 )
 from macrofit.friction.script import GivenFriction, ScriptFriction
-from macrofit.friction.tiles import TileOverlaps, tile_overlaps
+from macrofit.friction.tiles import FacingPairs, TileOverlaps, tile_overlaps
 from macrofit.friction.uniform import Uniform
 
 __all__ = [
     "BuildContext",
     "ConformanceError",
+    "FacingPairs",
     "FieldState",
     "FloatArray",
     "FrictionField",
     "FrictionProvider",
     "GivenFriction",
+    "HearsAhead",
     "InstalledProvider",
     "IntArray",
     "PairFriction",
     "ProviderError",
     "ProviderOptions",
+    "Question",
     "ScriptFriction",
     "StatesUncertainty",
     "TileOverlaps",
     "TilePairs",
     "Uniform",
+    "announce",
     "answered",
     "build",
     "build_provider",

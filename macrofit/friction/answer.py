@@ -74,12 +74,11 @@ def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFri
         ProviderError: a bad answer, see `checked_answer` and `checked_uncertainty`.
         Exception: whatever the provider raises; an exit (SystemExit, KeyboardInterrupt) as `ForeignExit`.
     """
-    every = np.arange(pairs.seat.size)
     with foreign_code():
-        coefficient = checked_answer(provider.coefficients(pairs.take(every)), pairs, name)
+        coefficient = checked_answer(provider.coefficients(pairs.copy()), pairs, name)
         if not isinstance(provider, StatesUncertainty):
-            return PairFriction(coefficient, np.full(every.size, np.nan))
-        return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.take(every)), pairs, name))
+            return PairFriction(coefficient, np.full(pairs.seat.size, np.nan))
+        return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.copy()), pairs, name))
 
 
 def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:
@@ -91,8 +90,9 @@ def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:
     """
     who = f"friction provider {name!r} answered"
     values = _real_numbers(answer, pairs, who)
-    right = (values >= 0.0) & (values < LIMIT)  # written so that NaN is wrong
-    _refuse(~right, values, pairs, who, f"a coefficient has 0 <= mu < {LIMIT:g}")
+    if values.size and not (values.min() >= 0.0 and values.max() < LIMIT):  # written so that NaN is wrong
+        right = (values >= 0.0) & (values < LIMIT)
+        _refuse(~right, values, pairs, who, f"a coefficient has 0 <= mu < {LIMIT:g}")
     return values
 
 
@@ -104,8 +104,9 @@ def checked_uncertainty(answer: object, pairs: TilePairs, name: str) -> FloatArr
     """
     who = f"friction provider {name!r} answered, asked for its uncertainty,"
     values = _real_numbers(answer, pairs, who)
-    wrong = (values < 0.0) | np.isinf(values)
-    _refuse(wrong, values, pairs, who, "a standard deviation is finite and >= 0, or NaN where none is stated")
+    if values.size and not (values.min() >= 0.0 and values.max() < np.inf):  # so it is where NaN is among them
+        wrong = (values < 0.0) | np.isinf(values)
+        _refuse(wrong, values, pairs, who, "a standard deviation is finite and >= 0, or NaN where none is stated")
     return values
 
 

@@ -39,6 +39,10 @@ class TilePairs(NamedTuple):
         """A new batch of the pairs numbered `index`, in that order."""
         return TilePairs(self.seat[index], self.bore[index], self.pressure[index], self.sliding[index])
 
+    def copy(self) -> TilePairs:
+        """The same batch in arrays of its own."""
+        return TilePairs(self.seat.copy(), self.bore.copy(), self.pressure.copy(), self.sliding.copy())
+
 
 class FrictionProvider(Protocol):
     """A source of coefficients of friction.
@@ -46,7 +50,8 @@ class FrictionProvider(Protocol):
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
     It may also say how sure it is, see `StatesUncertainty`, and have `counters`, a dict of names and whole numbers that
-    the summary of a run shows; `calls` is the solver's own.
+    the summary of a run shows; `calls` is the solver's own. Where several runs go in lockstep it may hear of their
+    questions together, see `HearsAhead`.
     """
 
     @property
@@ -71,6 +76,18 @@ class StatesUncertainty(Protocol):
         """The standard deviation of the coefficient of each pair [-], shape (n,), >= 0; NaN where it states none.
 
         Asked right after `coefficients`, about the same pairs, and as pure; it may depend on no more than they do.
+        """
+        ...
+
+
+@runtime_checkable
+class HearsAhead(Protocol):
+    """What a provider may have besides: it hears what it will be asked, before any of several runs in lockstep asks."""
+
+    def announced(self, pairs: TilePairs) -> None:
+        """Pairs that `coefficients` will be asked about next, so that providers that share what is costly get it once.
+
+        It changes no answer, and questions may come that were not announced.
         """
         ...
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import (
     PairFriction,
@@ -17,11 +19,13 @@ from macrofit.friction.answer import (
     declared_counters,
     declared_dependence,
 )
-from macrofit.friction.contract import FloatArray, FrictionProvider, IntArray, TilePairs
-from macrofit.friction.tiles import TileOverlaps
+from macrofit.friction.contract import FloatArray, FrictionProvider, HearsAhead, IntArray, TilePairs
+from macrofit.friction.tiles import FacingPairs, TileOverlaps, pair_key, tiles_of
 
 Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], PairFriction]
 """How a batch is put to a provider; the solver shares it over MPI ranks."""
+Part: TypeAlias = Callable[[TilePairs], TilePairs]
+"""Which pairs of a batch are asked on this rank."""
 
 
 _Told: TypeAlias = tuple[IntArray, FloatArray]
@@ -45,6 +49,17 @@ class FieldState(NamedTuple):
     """Its standard deviation [-]; NaN where the provider states none."""
 
 
+class Question(NamedTuple):
+    """What a field asks its provider before an increment."""
+
+    facing: FacingPairs
+    """The pairs of tiles that the facets face."""
+    facets: int
+    """Number of facets of the seat."""
+    pairs: TilePairs | None
+    """Each pair once, as it is asked; None where pairs that are known already need not be asked again."""
+
+
 class FrictionField:
     """The coefficients of friction of the seat's facets for one run.
 
@@ -64,6 +79,7 @@ class FrictionField:
         name: what messages call it; its class name if not given.
         ask: how to put a batch to the provider; by default as it is. Where it is collective, so is `facet_friction`:
             the same overlaps on all ranks make them ask for the same pairs in the same order.
+        part: which pairs of a batch ``ask`` puts to this rank's provider; all by default.
         fingerprint: hexadecimal, of a provider that no scene tells from others; a journal keeps it with the answers.
 
     Raises:
@@ -81,6 +97,7 @@ class FrictionField:
         name: str | None = None,
         ask: Ask | None = None,
         *,
+        part: Part | None = None,
         fingerprint: str = "",
     ) -> None:
         self.provider = provider
@@ -89,6 +106,7 @@ class FrictionField:
         self.calls = 0
         self.pairs_asked = 0
         self._ask = ask or (lambda provider, pairs: answered(provider, pairs, self.name))
+        self.part = part or (lambda pairs: pairs)
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
         self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
@@ -106,15 +124,37 @@ class FrictionField:
         Raises:
             ProviderError: the provider fails or answers badly; the message has its name, the pair, the value.
         """
-        if not self._depends_on:
-            return np.full(pressure.size, self._cached(np.zeros(1, dtype=np.int64))[0])
-        present = overlaps.take(np.flatnonzero(overlaps.weight > 0.0))
-        keys = _key(present.seat, present.bore)
+        return self.answer(self.question(FacingPairs.of(overlaps), pressure, sliding))
+
+    def question(self, facing: FacingPairs, pressure: FloatArray, sliding: FloatArray) -> Question:
+        """What `facet_friction` asks the provider; see `announce` and `answer`.
+
+        Args:
+            facing: the pairs of tiles that the facets face.
+            pressure: as in `facet_friction`.
+            sliding: as in `facet_friction`.
+        """
         if self._depends_on <= {"tiles"}:
-            friction = self._cached(keys)
+            return Question(facing, pressure.size, None)
+        pairs, _ = facing.distinct
+        return Question(
+            facing, pressure.size, TilePairs(*tiles_of(pairs), facing.pair_mean(pressure), facing.pair_mean(sliding))
+        )
+
+    def answer(self, question: Question) -> FloatArray:
+        """The coefficient of friction of each facet, as `facet_friction`.
+
+        Raises:
+            ProviderError: as `facet_friction`.
+        """
+        facing, pairs, facets = question.facing, question.pairs, question.facets
+        if not self._depends_on:
+            return np.full(facets, self._cached(np.zeros(1, dtype=np.int64))[0])
+        if pairs is None:
+            friction = self._cached(facing.keys)
         else:
-            friction = self._present(keys, present, pressure, sliding)
-        return _facet_mean(present.facet, present.weight, friction, pressure.size)
+            friction = self._asked(pairs)[facing.distinct[1]] if pairs.seat.size else np.empty(0)
+        return _facet_mean(facing.overlaps.facet, facing.overlaps.weight, friction, facets)
 
     @property
     def per_pair(self) -> bool:
@@ -143,13 +183,13 @@ class FrictionField:
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
         self._merge()
-        return FieldState(*_pair(self._keys), *self._known.copy())
+        return FieldState(*tiles_of(self._keys), *self._known.copy())
 
     def news(self) -> dict[str, FloatArray | IntArray]:
         """What was answered since this was last called, each pair once, as arrays that a journal adds to its own."""
         keys, values = _latest(self._news)
         self._news = []
-        state = FieldState(*_pair(keys), *values)
+        state = FieldState(*tiles_of(keys), *values)
         news: dict[str, Any] = {f"{JOURNALED}{column}": values for column, values in state._asdict().items()}
         return news | ({FINGERPRINT: self.fingerprint} if self.fingerprint.size else {})
 
@@ -184,7 +224,7 @@ class FrictionField:
             pairs, who = TilePairs(seat, bore, unused, unused), f"{self.name} (saved)"
             coefficient = checked_answer(state.coefficient, pairs, who)
             values = np.stack([coefficient, checked_uncertainty(state.uncertainty, pairs, who)])
-            self._pending.append((_key(seat, bore), values))
+            self._pending.append((pair_key(seat, bore), values))
         self._merge()
 
     def _cached(self, keys: IntArray) -> FloatArray:
@@ -193,7 +233,7 @@ class FrictionField:
         new = np.setdiff1d(keys, self._keys) if not self._knows(keys) else keys[:0]
         if new.size:
             unused = np.zeros(new.size)
-            self._asked(TilePairs(*_pair(new), unused, unused))
+            self._asked(TilePairs(*tiles_of(new), unused, unused))
             self._merge()
         known: FloatArray = self._known[0, np.searchsorted(self._keys, keys)]
         return known
@@ -209,17 +249,6 @@ class FrictionField:
             return not keys.size
         place = np.minimum(np.searchsorted(self._keys, keys), self._keys.size - 1)
         return bool(np.all(self._keys[place] == keys))
-
-    def _present(self, keys: IntArray, present: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
-        """The coefficient of each overlap, from pairs asked afresh with their mean pressure and sliding."""
-        pairs, which = np.unique(keys, return_inverse=True)
-        if not pairs.size:
-            return np.empty(0)
-        total = np.bincount(which, present.weight)
-        mean_pressure = np.bincount(which, present.weight * pressure[present.facet]) / total
-        mean_sliding = np.bincount(which, present.weight * sliding[present.facet]) / total
-        friction: FloatArray = self._asked(TilePairs(*_pair(pairs), mean_pressure, mean_sliding))[which]
-        return friction
 
     def _asked(self, pairs: TilePairs) -> FloatArray:
         """The provider's checked answer to one batch of distinct pairs, which is remembered."""
@@ -237,19 +266,21 @@ class FrictionField:
             ) from error
         coefficient = checked_answer(answer.coefficient, pairs, self.name)
         values = np.stack([coefficient, checked_uncertainty(answer.uncertainty, pairs, self.name)])
-        told = _key(pairs.seat, pairs.bore), values
+        told = pair_key(pairs.seat, pairs.bore), values
         self._pending.append(told)
         self._news.append(told)
         return coefficient
 
 
-def _key(seat: IntArray, bore: IntArray) -> IntArray:
-    """One sortable number for each pair of tiles; both tile numbers are below 2**31."""
-    return (seat << 32) | bore
+def announce(asked: Iterable[tuple[FrictionField, Question]]) -> None:
+    """Let the providers of several runs hear what they will be asked, those that want to know (see `HearsAhead`).
 
-
-def _pair(key: IntArray) -> tuple[IntArray, IntArray]:
-    return key >> 32, key & 0xFFFFFFFF
+    One that fails at this will fail when it is asked, and be heard then.
+    """
+    with suppress(Exception), foreign_code():
+        for field, question in asked:
+            if question.pairs is not None and isinstance(field.provider, HearsAhead):
+                field.provider.announced(field.part(question.pairs).copy())
 
 
 def _latest(told: list[_Told]) -> _Told:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +34,49 @@ class TileOverlaps(NamedTuple):
 _NONE = np.empty(0, dtype=np.int64)
 NO_OVERLAPS = TileOverlaps(_NONE, _NONE, _NONE, np.empty(0))
 """Those of a provider that does not tell pairs apart."""
+
+
+@dataclass(frozen=True)
+class FacingPairs:
+    """The overlaps of facets with pairs of tiles, and each of these pairs once; several runs may share it."""
+
+    overlaps: TileOverlaps
+    """Those of a weight above 0."""
+
+    @classmethod
+    def of(cls, overlaps: TileOverlaps) -> FacingPairs:
+        """The pairs of these overlaps, in any order; those of no weight are left out."""
+        return cls(overlaps.take(np.flatnonzero(overlaps.weight > 0.0)))
+
+    @cached_property
+    def keys(self) -> IntArray:
+        """One sortable number for each overlap's pair of tiles, see `pair_key`."""
+        return pair_key(self.overlaps.seat, self.overlaps.bore)
+
+    @cached_property
+    def distinct(self) -> tuple[IntArray, IntArray]:
+        """The key of each pair once, sorted, and the number of each overlap's pair among them."""
+        pairs, which = np.unique(self.keys, return_inverse=True)
+        return pairs, which
+
+    @cached_property
+    def _pair_weight(self) -> FloatArray:
+        return np.asarray(np.bincount(self.distinct[1], self.overlaps.weight), dtype=np.float64)
+
+    def pair_mean(self, values: FloatArray) -> FloatArray:
+        """The mean of values of facets over each pair, by weight, (pairs,)."""
+        shares = self.overlaps.weight * values[self.overlaps.facet]
+        return np.asarray(np.bincount(self.distinct[1], shares) / self._pair_weight)
+
+
+def pair_key(seat: IntArray, bore: IntArray) -> IntArray:
+    """One sortable number for each pair of tiles; both tile numbers are below 2**31."""
+    return (seat << 32) | bore
+
+
+def tiles_of(key: IntArray) -> tuple[IntArray, IntArray]:
+    """Seat and bore tile of each `pair_key`."""
+    return key >> 32, key & 0xFFFFFFFF
 
 
 def tile_overlaps(

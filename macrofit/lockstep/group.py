@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,10 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.lockstep import Lockstep
 from ..contact.newton import newton
 from ..errors import MacrofitError
+from ..friction import FacingPairs, announce
 from ..press import REACH, Press
 from ..state import State, Step
 from .stack import of_run, stacked
-
-BLOCK = 8
-"""Runs that a product of matrices takes at once: six take a third longer than eight, so that the last is doubled."""
 
 
 class Group:
@@ -42,9 +41,12 @@ class Group:
             member.asked = True
         if len(present) < 2 or asking.here.displacement == displacement:  # a fit in place, or a wheel that cools
             return
-        line, bore = asking.seat.line, warmed(asking.bore, asking.scene.thermal_strain_at(asking.done))
+        strain = asking.scene.thermal_strain_at(asking.done)
+        line, bore = asking.seat.line, warmed(asking.bore, strain)
         coupling = couple_lines(line, bore, displacement, REACH)
         if coupling is None:
+            for member in present:
+                member.offered = member.apart(member.here, displacement, strain)
             return
         wide = _offer(present, coupling, displacement)
         everything = couple_lines(line, bore, displacement) if wide else None
@@ -61,6 +63,11 @@ class Member(Press):
     offered: Step | MacrofitError | None = None
     asked: bool = False  # whether the group was asked for this increment
 
+    @cached_property
+    def places(self) -> tuple[float, ...]:
+        """The displacements of its scene [mm]."""
+        return self.scene.displacements
+
     def resumed(self, states: list[State]) -> State:
         """The state to go on from; the group learns where this member is."""
         self.here, self.done = super().resumed(states), len(states)
@@ -68,8 +75,8 @@ class Member(Press):
 
     def trial(self, state: State, displacement: float, thermal_strain: float | None = None) -> Step:
         """The step that was offered; another one than that of the whole increment is solved alone."""
-        displacements = self.scene.displacements
-        if state is self.here and self.done < len(displacements) and displacement == displacements[self.done]:
+        places = self.places
+        if state is self.here and self.done < len(places) and displacement == places[self.done]:
             if not self.asked:
                 self.group.solve(self, displacement)
             offered, self.offered = self.offered, None
@@ -86,17 +93,7 @@ class Member(Press):
 
 def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: float) -> list[Member]:
     """Offer the members their steps on one coupling; gives those that move as far as what it leaves out."""
-    left: list[Member] = []
-    frictions: list[FloatArray] = []
-    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
-    for member in members:
-        here = member.here
-        try:
-            frictions.append(member.friction.facet_friction(overlaps, here.pressure, here.accumulated_slip))
-        except MacrofitError as error:
-            member.offered = error
-        else:
-            left.append(member)
+    left, frictions = _asked(members, coupling, displacement)
     if len(left) < 2:
         return []
     wide = []
@@ -108,15 +105,35 @@ def _offer(members: Sequence[Member], coupling: MortarCoupling, displacement: fl
     return wide
 
 
+def _asked(
+    members: Sequence[Member], coupling: MortarCoupling, displacement: float
+) -> tuple[list[Member], list[FloatArray]]:
+    """The friction of the members' facets, without those whose provider fails: they are offered the error.
+
+    What all of them will ask is announced first, so that providers of the same surfaces prepare a pair of tiles once,
+    and all new ones together.
+    """
+    overlaps = max(members, key=lambda member: member.friction.per_pair).overlaps(coupling, displacement)
+    facing, left, frictions = FacingPairs.of(overlaps), [], []
+    asked = [member.friction.question(facing, member.here.pressure, member.here.accumulated_slip) for member in members]
+    announce(zip((member.friction for member in members), asked, strict=True))
+    for member, question in zip(members, asked, strict=True):
+        try:
+            frictions.append(member.friction.answer(question))
+        except MacrofitError as error:
+            member.offered = error
+        else:
+            left.append(member)
+    return left, frictions
+
+
 def _solved(
     members: Sequence[Member], frictions: list[FloatArray], coupling: MortarCoupling, displacement: float
 ) -> list[Step]:
     """The step of each member; none where they do not converge together."""
-    one, spare = members[0], -len(members) % BLOCK if len(members) > BLOCK // 2 else 0
+    one = members[0]
     assert isinstance(one.engine, Condensed)
-    states = [member.here for member in members]
-    before = stacked([*states, *states[-1:] * spare])
-    friction = np.stack([*frictions, *frictions[-1:] * spare])
+    before, friction = stacked([member.here for member in members]), np.stack(frictions)
     posed = one.pose(before, displacement, coupling, one.seat.cover(coupling.portions), friction)
     problem = Lockstep(one.engine, posed.contact)
     report = newton(problem, posed.friction, posed.status, posed.kappa)

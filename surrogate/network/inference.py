@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Single: TypeAlias = npt.NDArray[np.float32]
 """Numbers in the network's precision."""
 
-NODES_PER_CHUNK = 2**15
+NODES_PER_CHUNK = 2**16
 """Nodes of the faces whose foundations are computed together: they stay in the cache."""
 LAWS_PER_CHUNK = 512
 """Pairs whose affine laws are computed together."""
@@ -40,6 +40,8 @@ QUANTILE_90 = 1.645
 """Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
 NEWTON_STEPS = 30
 """Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
+MOST_GATHERED = 0.6
+"""Share of the rows up to which those that still move are copied, and looked at by themselves [-]."""
 NEWTON_TOLERANCE = 1e-5
 """Step below which the iteration ends, as a share of the mean overlap [-]."""
 
@@ -83,7 +85,8 @@ class TrainedEnsemble:
 
     def __init__(self, options: EnsembleOptions, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         self.options, self.arrays = options, dict(arrays)
-        self._first = np.ascontiguousarray(np.moveaxis(arrays["first"], 1, 0))[..., None]  # (F, M, W, 1)
+        self._first = np.ascontiguousarray(arrays["first"].transpose(1, 2, 0))[..., None]  # (F, W, M, 1)
+        self._first_bias = np.ascontiguousarray(arrays["first_bias"].T)[..., None]  # (W, M, 1)
         self._last = np.ascontiguousarray(arrays["last"].transpose(1, 2, 0))[..., None]  # (W, O, M, 1)
         self._last_bias = np.ascontiguousarray(arrays["last_bias"].T)[..., None]  # (O, M, 1)
         self._terms = len(options.stiffness) + options.constant
@@ -132,14 +135,9 @@ class TrainedEnsemble:
         """a, b, the spread of b and where it is wide that of a, of every member, (3 or 4, members, pairs)."""
         weights = self.arrays
         x = np.ascontiguousarray(((features - weights["centre"]) / weights["scale"]).T)  # (F, P)
-        hidden = weights["first_bias"][:, :, None] + np.zeros(len(features), dtype=np.float32)
-        for row, value in zip(self._first, x, strict=True):
-            hidden += row * value  # (M, W, P)
-        hidden = hidden / (np.float32(1.0) + np.abs(hidden))
-        units = np.ascontiguousarray(np.moveaxis(hidden, 1, 0))  # (W, M, P)
-        out = self._last_bias + np.zeros(len(features), dtype=np.float32)
-        for row, unit in zip(self._last, units, strict=True):
-            out += row * unit  # (O, M, P)
+        units = _added_up(self._first_bias, self._first, x)  # (W, M, P)
+        units /= np.float32(1.0) + np.abs(units)
+        out = _added_up(self._last_bias, self._last, units)  # (O, M, P)
         terms = [*slopes.T, np.full(len(slopes), CONSTANT_UNIT, dtype=np.float32)][: self._terms]
         b = out[0] * terms[0]
         for weight, term in zip(out[1 : self._terms], terms[1:], strict=True):
@@ -186,6 +184,16 @@ class TrainedEnsemble:
         return np.asarray(((features >= low - slack) & (features <= high + slack)).all(axis=1))
 
 
+def _added_up(bias: Single, weights: Single, inputs: Single) -> Single:
+    """bias (n, M, 1) + sum over i of weights[i] (n, M, 1) * inputs[i] (P,) or (M, P), one by one; (n, M, P)."""
+    found = bias + np.zeros(inputs.shape[-1], dtype=np.float32)
+    part = np.empty_like(found)
+    for weight, value in zip(weights, inputs, strict=True):
+        np.multiply(weight, value, out=part)
+        found += part
+    return found
+
+
 def positive(values: Single) -> Single:
     """A positive number from any: half of x + sqrt(x^2 + 1)."""
     return np.asarray(np.float32(0.5) * (values + np.sqrt(np.square(values) + np.float32(1.0))))
@@ -204,8 +212,9 @@ def upper_roughness(faces: HeightArray) -> Single:
 
 
 def _mean_in_order(members: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Mean over the first dimension, summed one after the other: numpy's sum takes another order for a single pair."""
-    return np.asarray(reduce(np.add, members) / len(members))
+    """Mean over the first dimension, summed one after the other: numpy takes another order for a single pair."""
+    total = np.add.reduce(members, axis=0) if members.shape[1] > 1 else reduce(np.add, members)
+    return np.asarray(total / len(members))
 
 
 class SlideNumbers(NamedTuple):
@@ -299,7 +308,8 @@ def touched(sums: HeightArray, height: FloatArray, work: Single) -> Touch:
 def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: Single) -> Touch:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
-    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap.
+    Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap; most need half as many steps
+    as the slowest.
 
     Args:
         sums: sums of the heights of both faces (pairs, G) [mm].
@@ -307,14 +317,24 @@ def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: S
         start: at a height not above z.
         work: the overlaps of `start` (pairs, G); those at z are left there.
     """
-    touch = start
+    height, sum_above, nodes = start.height.copy(), start.overlap.copy(), start.nodes.copy()
+    target, tolerance = overlap * sums.shape[1], NEWTON_TOLERANCE * overlap
+    moving: IntArray | slice = slice(None)  # the rows whose step was not small enough yet; the others stay
     for _ in range(NEWTON_STEPS):
-        step = (touch.overlap - overlap * sums.shape[1]) / np.maximum(touch.nodes, 1)
-        moves = step > NEWTON_TOLERANCE * overlap
-        if not moves.any():
+        step = (sum_above[moving] - target[moving]) / np.maximum(nodes[moving], 1)
+        moves = np.flatnonzero(step > tolerance[moving])
+        if not len(moves):
             break
-        touch = touched(sums, np.where(moves, touch.height + step, touch.height), work)
-    return touch
+        rows = moves if isinstance(moving, slice) else moving[moves]
+        height[rows] += step[moves]
+        if len(rows) > MOST_GATHERED * len(sums):
+            moving, touch = slice(None), touched(sums, height, work)
+        else:
+            above = np.empty((len(rows), sums.shape[1]), dtype=np.float32)
+            moving, touch = rows, touched(sums[rows], height[rows], above)
+            work[rows] = above
+        sum_above[moving], nodes[moving] = touch.overlap, touch.nodes
+    return Touch(height, sum_above, nodes)
 
 
 def _response(

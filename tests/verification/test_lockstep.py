@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from macrofit.contact.law import Status
 from macrofit.contact.newton import RESIDUAL, Report, settled_status
 from macrofit.contact.status import OPEN, SLIP, STICK
 from macrofit.errors import MacrofitError, ProviderError
-from macrofit.friction import registry
+from macrofit.friction import FloatArray, TilePairs, registry
 from macrofit.identify.curves import ForwardModel, derivative
 from macrofit.lockstep import group
 from macrofit.lockstep import solve as lockstep_solve
@@ -33,6 +33,7 @@ from macrofit.scene import Scene, dump_scene, load_scene
 from macrofit.solution import Increment, Solution
 from macrofit.solve import solve
 from macrofit.state import State, Step, accepted
+from surrogate.tiles import Tiles, shared_tiles
 
 COEFFICIENT = "friction.options.coefficient"
 COEFFICIENTS = (0.0, 0.01, 0.07, 0.11, 0.6)
@@ -115,6 +116,96 @@ def test_five_coefficients(overrides: tuple[str, ...]) -> None:
     assert factorisations(found) < factorisations(wanted)  # they were not solved again, each by itself
     for kind in (STICK, SLIP):
         assert differing(found, kind) >= 2, kind
+
+
+def rough(micro: float) -> Scene:
+    """On the network, nine increments, one surface for every micro coefficient."""
+    return small_press("friction.provider=surrogate", f"friction.options={{micro_friction={micro}, seed=3}}")
+
+
+def test_runs_on_one_surface_prepare_a_pair_once_and_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not once for each run: one batch of foundations an increment, of pairs that no run has asked for before."""
+    scenes = [rough(micro) for micro in (0.03, 0.07, 0.09)]
+    wanted = alone(scenes)
+    shared_tiles.cache_clear()
+    prepared: list[tuple[int, ...]] = []
+    batches: list[int] = []
+    prepare = Tiles._prepare
+
+    def counted(tiles: Tiles, model: Any, *pairs: Any) -> None:
+        prepared.extend(zip(*(column.tolist() for column in pairs), strict=True))
+        batches.append(len(pairs[0]))
+        prepare(tiles, model, *pairs)
+
+    monkeypatch.setattr(Tiles, "_prepare", counted)
+    found = together(scenes)
+    assert_same(found, wanted, friction=1e-9)
+    asked = [increment for increment in found[0].increments if increment.normal_force]
+    assert len(batches) <= len(asked)
+    assert len(prepared) == len(set(prepared)) < 1.3 * found[0].counters["pairs_asked"]
+
+
+def test_one_surface_in_runs_of_several_bodies_is_made_once() -> None:
+    """Surfaces in turn on one mesh, then on another: bodies are no part of what a pair of tiles depends on."""
+    shared_tiles.cache_clear()
+    for facet in (5.0, 6.0):
+        scenes = [
+            small_path((25.0, 30.0), "friction.provider=surrogate", f"friction.options.seed={seed}",
+                       f"mesh.seat_facet={facet}")
+            for seed in (1, 2, 3)
+        ]  # fmt: skip
+        together(scenes)
+        assert shared_tiles.cache_info().misses == 3
+
+
+class Listener:
+    """A provider that hears of its questions, and remembers what it heard before it was asked."""
+
+    depends_on = frozenset({"tiles", "pressure"})
+    heard: ClassVar[list[str]] = []
+
+    def __init__(self, name: str, *, deaf: bool = False) -> None:
+        self.name, self.deaf = name, deaf
+
+    def announced(self, pairs: TilePairs) -> None:
+        if self.deaf:
+            raise SystemExit("it will not listen")
+        self.heard.append(f"{self.name} hears of {len(pairs.seat)}")
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        self.heard.append(f"{self.name} is asked for {len(pairs.seat)}")
+        return 0.05 + 1e-4 * pairs.pressure
+
+
+def test_all_hear_of_their_questions_before_one_is_asked() -> None:
+    """In every increment that is solved together; one that cannot listen answers nevertheless."""
+    scene = small_path((25.0, 30.0, 35.0))
+    Listener.heard.clear()
+    runs = [
+        Run(scene=scene, monitor=Silent(), friction=each)
+        for each in (Listener("a"), Listener("b"), Listener("c", deaf=True))
+    ]
+    found = solve_together(runs, MPI.COMM_SELF, assemble(scene, MPI.COMM_SELF))
+    assert all(isinstance(each, Solution) for each in found)
+    steps = [" ".join(line.split()[:2]) for line in Listener.heard[-10:]]
+    assert steps == 2 * ["a hears", "b hears", "a is", "b is", "c is"]
+    counts = [line.split()[-1] for line in Listener.heard[-5:]]
+    assert len(set(counts)) == 1
+
+
+def test_bodies_apart_are_faced_once_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not once for each run."""
+    faced: list[float] = []
+
+    def counted(*given: Any) -> MortarCoupling | None:
+        faced.append(given[2])
+        return couple_lines(*given)
+
+    monkeypatch.setattr(group, "couple_lines", counted)
+    monkeypatch.setattr(press, "couple_lines", counted)
+    scenes = with_coefficients((0.0, 1.0, 2.0, 3.0))
+    assert all(not each.increments[-1].normal_force for each in together(scenes))
+    assert [faced.count(at) for at in (1.0, 2.0, 3.0)] == [1, 1, 1]
 
 
 def test_what_opens_differs_from_run_to_run() -> None:

@@ -22,7 +22,7 @@ from surrogate.errors import CheckpointError, PredictionError
 from surrogate.network import inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
 from surrogate.network.predict import Prediction, Predictor
-from surrogate.tiles import FACES_TOGETHER, Tiles, load_predictor, shared_tiles
+from surrogate.tiles import FACES_TOGETHER, KEPT, Tiles, load_predictor, shared_tiles
 
 POINTS, SEED = 9, 3
 COUNTS = 14, 11
@@ -160,6 +160,32 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
     assert asked.faces == len(drawn) == len(set(drawn)) == sum(COUNTS)
 
 
+def test_expected_pairs_come_with_the_next_ones(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each once, in one call, with the bits they have by themselves; what is expected again costs nothing."""
+    calls: list[int] = []
+    prepare = inference.TrainedEnsemble.prepare
+
+    def counted(model: Any, wheels: Any, axles: Any, wheel: IntArray, *given: Any, **named: Any) -> Any:
+        calls.append(len(wheel))
+        return prepare(model, wheels, axles, wheel, *given, **named)
+
+    monkeypatch.setattr(inference.TrainedEnsemble, "prepare", counted)
+    asked, rows, more = tiles(energy), diagonal(5), np.concatenate([diagonal(5), diagonal(6)])
+    level = np.zeros_like(SEAT)
+    for _ in range(3):
+        asked.expect(SEAT[more], BORE[more], level[more])
+    asked.expect(np.array([-1, 0, COUNTS[0]]), np.array([0, COUNTS[1], 0]), np.zeros(3, dtype=np.int64))
+    assert not calls
+    found = asked.predict(SEAT[rows], BORE[rows], 0.03)
+    assert calls == [len(more)]
+    later = asked.predict(SEAT[diagonal(6)], BORE[diagonal(6)], 0.08)
+    asked.expect(SEAT[more], BORE[more], level[more])
+    asked.predict(SEAT[more], BORE[more], 0.05)
+    assert calls == [len(more)]
+    assert same(directly(energy, 0.03), rows, found)
+    assert same(directly(energy, 0.08), diagonal(6), later)
+
+
 def test_faces_are_made_in_blocks(energy: Predictor, paper: Predictor) -> None:
     """Of a strip, where they share most of their work; others, and for convolutions, are made one by one."""
     counts = 3 * FACES_TOGETHER, FACES_TOGETHER + 5
@@ -271,5 +297,8 @@ def test_the_last_tiles_are_kept_and_no_others(energy: Predictor, paper: Predict
     ]
     for other in others:
         assert shared_tiles(*other) is not first
-    assert surrogate.tiles.shared_tiles.cache_info().currsize == 1
+    assert shared_tiles(energy, SEED, SURFACE, COUNTS) is first
+    for seed in range(KEPT):
+        shared_tiles(energy, SEED + 2 + seed, SURFACE, COUNTS)
+    assert surrogate.tiles.shared_tiles.cache_info().currsize == KEPT
     assert shared_tiles(energy, SEED, SURFACE, COUNTS) is not first
