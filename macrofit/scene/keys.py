@@ -242,7 +242,7 @@ class ServiceKeys(Keys, frozen=True):
     ] = 0.0
     harmonics: Annotated[
         int, msgspec.Meta(ge=1, le=20), told("Highest harmonic H of the rotation; there are 2 H + 1 angles [-].")
-    ] = 3
+    ] = 4
     steps: Annotated[
         int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
     ] = 56

@@ -63,11 +63,12 @@ def numbers(found: Service) -> dict[str, Any]:
     }
 
 
-def _edge(edge: Edge) -> dict[str, float | None]:
+def _edge(edge: Edge) -> dict[str, float | str | None]:
     return {
         "z_mm": edge.z,
         "nominal_stress_MPa": edge.nominal_stress,
         "stress_concentration": edge.concentration,
+        "no_concentration_because": edge.without,
         "shear_power": edge.shear_power,
     }
 
@@ -212,10 +213,12 @@ def sentences(found: dict[str, Any]) -> list[str]:
     return lines + doubtful_lines(found["doubts"])
 
 
-def _bonded_said(edge: dict[str, float | None]) -> str:
+def _bonded_said(edge: dict[str, Any]) -> str:
     said = []
     if edge["stress_concentration"] is not None:
         said.append(f"{edge['stress_concentration']:.2f} times as much {OUTSIDE:g} mm beside the hub")
+    else:
+        said.append(f"no concentration, for {edge['no_concentration_because']}")
     if edge["shear_power"] is not None:
         said.append(f"shear as the distance to the power {edge['shear_power']:.2f}")
     return f"; bonded: {', '.join(said)}" if said else ""

@@ -93,14 +93,6 @@ def test_what_is_not_known_is_a_dash(tmp_path: Path) -> None:
     assert "<tr><th>Front slip</th><td>– along the axle, over " in text
 
 
-def test_study_in_service_says_that_it_has_no_page(tmp_path: Path) -> None:
-    (tmp_path / "service-study.json").write_text("{}")
-    done = report(tmp_path)
-    assert done.exit_code == 2
-    assert "is a study of wheelsets in service, which has no page" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-
-
 def test_what_ended_early_says_why(tmp_path: Path) -> None:
     assert service(tmp_path / "served", "service.torque=1e9").exit_code == 2
     assert report(tmp_path / "served").exit_code == 0
