@@ -175,7 +175,7 @@ def check_grip(rotation: Rotation, loads: Loads) -> None:
     """See that friction can hold the lateral force and the torque in the first step.
 
     Both are held by shear alone, which friction mu keeps below mu p: hypot(F, T / r) <= sum of mu p. The loads press
-    the fit together by at most PRESSED times what they press the bonded one. On a cone pressure holds too, by its slope.
+    the fit together by at most PRESSED times what they press the bonded one. On a cone pressure holds too.
 
     Raises:
         ConvergenceError: it cannot, so that the wheel slides; how far beyond, a step would only find out by trying.

@@ -24,7 +24,7 @@ from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
 from .fatigue.limits import limits_of
 from .harmonics import HarmonicBody
 from .helpers import Helpers, help_first
-from .history import Endurance, Fretting, endurance, fretting, stress_histories
+from .history import Endurance, Fretting, endurance, fretting, slip_left, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
 from .output.write import write_service
@@ -142,7 +142,11 @@ class Course:
         for count in range(1, keys.revolutions + 1):
             self._revolutions.append(rotation.revolve(here))
             here = self._revolutions[-1].moments[-1]
-            self._say(f"Revolution {count:<4} friction work {1e-3 * self._revolutions[-1].friction_work:.5g} J")
+            left = max(slip_left(self._revolutions[-1]))
+            work = f"friction work {1e-3 * self._revolutions[-1].friction_work:.5g} J"
+            self._say(f"Revolution {count:<4} {work}; it leaves {left:.1e} of the slip")
+            if left <= keys.periodicity:
+                break
 
     def so_far(self, ended: str | None = None) -> Service | None:
         """What there is of it, which ``ended`` early for this reason; None before the wheel is released."""

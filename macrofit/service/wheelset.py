@@ -136,9 +136,10 @@ def _check_bending(whole: Wheelset) -> None:
     strain = float(stress[top]) / whole.fit.lines[0].material.youngs_modulus
     if strain > LARGE_STRAIN:
         raise SceneError(
-            f"service: {keys.journal_force:.4g} N on the journal and {keys.journal_moment:.4g} N mm at the front end "
-            f"bend the axle at z = {whole.fit.z[top]:.1f} mm by a strain of {strain:.2g}, at every angle, where small "
-            f"strains end at {LARGE_STRAIN:g}; state service.journal_force in N, service.journal_moment in N mm, or lower them"
+            f"service: {keys.journal_force:.4g} N on the journal, {keys.lateral_force:.4g} N along the axle and "
+            f"{keys.journal_moment:.4g} N mm at the front end bend the axle at z = {whole.fit.z[top]:.1f} mm by a "
+            f"strain of {strain:.2g}, at every angle, where small strains end at {LARGE_STRAIN:g}; state "
+            f"service.journal_force and lateral_force in N, journal_moment in N mm, or lower them"
         )
 
 

@@ -17,7 +17,7 @@ from macrofit.cli import main
 from macrofit.report.pdf import found_browser
 
 with_browser = pytest.mark.skipif(found_browser() is None, reason="no chromium: make setup-test installs it")
-NOT_SHOWN = re.compile(r"turned_revolutions|displacement_mm|verdict|friction.friction_work_of_revolutions")
+NOT_SHOWN = re.compile(r"turned_revolutions|displacement_mm|verdict|friction.(friction_work|slip_left)_of_revolutions")
 """Keys of service.json that the page says in words, or not at all."""
 
 
