@@ -107,6 +107,11 @@ class Course:
         self._rotation: KeptRotation | None = None
         self._revolutions: list[Revolution] = []
 
+    @property
+    def rotation(self) -> KeptRotation | None:
+        """The fit as it turns, which can be turned on; None before the wheel is released."""
+        return self._rotation
+
     def carry_out(self, friction: GivenFriction | None = None) -> Service:
         """Press, release and turn, see `serve`.
 
