@@ -22,8 +22,8 @@ SCENE = (
     "friction.options.coefficient=0.2", "service.steps=14", "service.revolutions=1",
 )  # fmt: skip
 COEFFICIENT = 1e-8  # of wear, steel on steel in fretting [1/MPa]
-JUMPS = (1e4, 1e5, 3e5, 6e5, 1.0)  # revolutions; the last one shows what is left
-ROUGHNESS = Smoothing(flat_coefficient=0.15, work=1e4)  # as the options of the provider `evolving` [N/mm]
+JUMPS = (1e4, 3e4, 6e4, 1.0)  # revolutions; the last one shows what is left
+ROUGHNESS = Smoothing(flat_coefficient=0.15, work=2e5)  # as the options of the provider `evolving` [N/mm]
 
 
 def main(folder: Path) -> None:

@@ -121,8 +121,10 @@ def write_worn_profile(target: Path, fit: Fit, depth: FloatArray, share: float =
         OutputError: it cannot be written.
     """
     portions, used = fit.coupling.portions, fit.chosen // fit.coupling.portions.points.shape[1]
-    ends = portions.start[used[0]], portions.end[used[-1]]
-    z = np.concatenate([[ends[0] - BESIDE, ends[0]], fit.z, [ends[1], ends[1] + BESIDE]])
-    lost = np.concatenate([[0.0, depth[0]], depth, [depth[-1], 0.0]])
+    start, end, seat = portions.start[used[0]], portions.end[used[-1]], fit.lines[0].coordinate
+    before = [min(float(seat[0]), start - 2.0 * BESIDE), start - BESIDE, start]
+    behind = [end, end + BESIDE, max(float(seat[-1]), end + 2.0 * BESIDE)]
+    z = np.concatenate([before, fit.z, behind])
+    lost = np.concatenate([[0.0, 0.0, depth[0]], depth, [depth[-1], 0.0, 0.0]])
     rows = [f"{place!r},{-1e3 * share * gone!r}" for place, gone in zip(z.tolist(), lost.tolist(), strict=True)]
     write_text(target, "\n".join(["z_mm,deviation_um", *rows]) + "\n")
