@@ -105,20 +105,19 @@ def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: F
     if inside.sum() >= 4:
         power = float(np.polyfit(np.log(distance[inside]), np.log(shear[inside]), 1)[0])
     nominal = float(whole.nominal_stress(np.array([at]))[0])
-    limit = whole.fit.lines[0].coordinate[0 if name == "front" else -1]
     return Edge(
         name=name,
         z=float(at),
         nominal_stress=nominal,
         concentration=concentration if np.isfinite(concentration) else None,
-        without=None if np.isfinite(concentration) else _without(nominal, abs(limit - at)),
+        without=None if np.isfinite(concentration) else _without(nominal, out * (z[0 if out < 0.0 else -1] - at)),
         shear_power=power,
     )
 
 
 def _without(nominal: float, left: float) -> str:
-    """Why there is no concentration beside an edge, ``left`` mm before the end of the seat."""
+    """Why there is no concentration beside an edge; the last facet's middle stands ``left`` mm beside it."""
     if nominal == 0.0:
         return "nothing bends the axle there"
-    ends = f"the seat ends {left:.3g} mm beside the hub" if left > 1e-3 else "the hub reaches the end of the seat"
+    ends = f"the last facet is {left:.2g} mm beside the hub" if left > 0.0 else "the hub reaches the end of the seat"
     return f"{ends}, and it is taken {OUTSIDE:g} mm beside"
