@@ -12,6 +12,7 @@ from serving import SHORT, read_table, service
 from macrofit.base import progress
 from macrofit.scene import load_scene
 from macrofit.service import output, run
+from macrofit.service.bonded import _without
 from macrofit.service.output.numbers import _shares_said
 from macrofit.service.run import bonded_only
 
@@ -47,7 +48,6 @@ def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Pa
 @pytest.mark.parametrize(
     ("more", "edge", "why"),
     [
-        (("mesh.seat_facet=6",), "Front", "the hub reaches the end of the seat, and it is taken 4 mm beside"),
         ((), "Front", "the last facet is 1.3 mm beside the hub, and it is taken 4 mm beside"),
         (("service.journal_force=0", "service.journal_moment=0"), "Inner", "nothing bends the axle there"),
     ],
@@ -62,6 +62,10 @@ def test_bonded_solution_says_why_there_is_no_concentration(
     found = json.loads((tmp_path / "bonded" / output.NUMBERS).read_text())["bonded"][edge.lower()]
     assert found["stress_concentration"] is None
     assert found["no_concentration_because"] == why
+
+
+def test_hub_that_reaches_the_end_of_the_seat_is_said_to() -> None:
+    assert _without(98.0, -1.0) == "the hub reaches the end of the seat, and it is taken 4 mm beside"
 
 
 def test_what_takes_long_says_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
