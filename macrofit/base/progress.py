@@ -90,6 +90,20 @@ def printable(text: str) -> str:
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
+class Paced:
+    """Says how far something is, at most every few seconds, and nothing in the first of them."""
+
+    def __init__(self, tell: Callable[[str], None], every_s: float = 5.0) -> None:
+        self._tell, self._every, self._told = tell, every_s, time.monotonic()
+
+    def __call__(self, text: str) -> None:
+        """Say it, unless something was said a moment ago."""
+        now = time.monotonic()
+        if now - self._told >= self._every:
+            self._told = now
+            self._tell(text)
+
+
 def duration(seconds: float) -> str:
     """A time in words a reader needs no table for: 40 s, 12 min, 3.5 h."""
     if seconds < 100.0:

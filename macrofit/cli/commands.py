@@ -463,7 +463,7 @@ def plot(folders: tuple[Path, ...], target: Path) -> None:
 @standard_option
 @click.option("--wheel", metavar="TYPE", help="Type of wheel in that standard.")
 def report(folder: Path, target: Path | None, pdf: bool, standard: str | None, wheel: str | None) -> None:
-    """Write one HTML page of a run, a study or a service computation: a file that opens without a network.
+    """Write one HTML page of a run, a study, or one or many wheelsets in service: a file that needs no network.
 
     It has the inputs with the section, the curve in its window, the acceptance checks, stresses, pressure and shear
     along the seat, balances and doubts, and what made it; of a wheelset in service its slip, friction work, criteria

@@ -6,12 +6,11 @@ from pathlib import Path
 
 from ..base.files import check_regular, write_text
 from ..errors import OutputError
-from ..results.folder import SCENE, SUMMARY
+from ..results.folder import PAGE, SCENE, SUMMARY
 from .page import MOST_BYTES, rendered
 from .pdf import write_pdf
 
 STUDY, SERVICE, SERVICE_TOTALS = "study.json", "service.json", "service-study.json"
-NAME = "report.html"
 
 
 def write_report(
@@ -22,7 +21,7 @@ def write_report(
     standard: str | None = None,
     wheel: str | None = None,
 ) -> list[str]:
-    """Write the page of a run, a study or a service computation, and with ``pdf`` a PDF of it beside it.
+    """Write the page of a run, a study, a service computation or a study of such; with ``pdf`` a PDF beside it.
 
     Gives the lines that say so.
 
@@ -37,7 +36,7 @@ def write_report(
         MacrofitError: the folder holds none of them, its files are damaged, or nothing here can make a PDF (the page is
             written all the same).
     """
-    target = target or folder / NAME
+    target = target or folder / PAGE
     if target.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{target}: is no name of a page; end it with .html, and --pdf prints it beside it")
     if target.is_dir():
@@ -63,6 +62,12 @@ def _page(folder: Path, standard: str | None, wheel: str | None) -> str:
         from .study import study_page
 
         return rendered("study.html", study_page(folder))
+    if (folder / SERVICE_TOTALS).is_file():
+        if judged:
+            raise OutputError(f"{folder}: is a study of wheelsets in service; leave --standard and --wheel out")
+        from .service_study import service_study_page
+
+        return rendered("service_study.html", service_study_page(folder))
     if wheel is not None and standard is None:
         raise OutputError("--wheel: is a type of wheel in a standard; name it with --standard")
     _check_run(folder)
@@ -79,11 +84,6 @@ def _check_run(folder: Path) -> None:
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; give one that macrofit run, study or service has written")
-    if (folder / SERVICE_TOTALS).is_file():
-        raise OutputError(
-            f"{folder}: is a study of wheelsets in service, which has no page; read service-study.csv and "
-            f"service-study.png, or report the folder of a run, which --keep leaves in runs/"
-        )
     if not (folder / SCENE).is_file():
         raise OutputError(f"{folder}: holds no run of macrofit ({SCENE} is missing) and no study ({STUDY} is missing)")
     if not (folder / SUMMARY).is_file():

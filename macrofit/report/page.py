@@ -23,6 +23,7 @@ CAPTIONS = {
     "friction.png": "Coefficient of friction along the seat, and of the pairs of tiles met",
     "service.png": "Bending stress, slip over place and angle, criteria, and a revolution where friction works most",
     "distributions.png": "Distributions of the runs",
+    "service-study.png": "Friction work, slip, criteria and Ruiz' parameter of the runs",
 }
 """Pictures of a folder that its page shows, in this order; the others are drawn anew."""
 

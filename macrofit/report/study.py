@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def study_page(folder: Path) -> dict[str, Any]:
         OutputError: a file of the folder is missing or damaged.
     """
     numbers = read_json(folder / "study.json", NEEDED)
-    rows = _table(folder / "study.csv")
+    rows = study_rows(folder / "study.csv", ("run", "label", "verdict", "refused_for"), COLUMNS)
     curves = _drawn(folder / STUDY_CURVES)
     references = sum(not run["values"] for run in numbers["runs"]) if numbers["keys"] else 0
     shown, left_out = pictures(folder, MOST_PICTURES)
@@ -74,11 +75,21 @@ def _drawn(path: Path) -> list[tuple[str, FloatArray, FloatArray]]:
     return found
 
 
-def _table(path: Path) -> list[dict[str, str]]:
+def study_rows(path: Path, words: Iterable[str], numbers: Iterable[str]) -> list[dict[str, str]]:
+    """The rows of the table of a study, which must have these columns; a number may be left out.
+
+    Raises:
+        OutputError: it cannot be read, or is of something else.
+    """
     head, *rows = _rows(path)
-    if not {"run", "label", "peak_force_N"} <= set(head):
+    if not {*words, *numbers} <= set(head):
         raise OutputError(f"{path}: is no table of a study; compute the study again")
-    return [dict(zip(head, row, strict=False)) for row in rows]
+    try:
+        found = [dict(zip(head, row, strict=True)) for row in rows]
+        np.array([row[key] or "nan" for row in found for key in numbers], dtype=np.float64)
+    except ValueError as error:
+        raise OutputError(f"{path}: cannot be read ({error}); compute the study again") from None
+    return found
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -34,6 +34,8 @@ HEADER = (
     "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,sticking_facets,"
     "newton_iterations,wall_s"
 )
+PAGE = "report.html"
+"""What `macrofit report` writes; with `--pdf` a file of the same name beside it."""
 UNITS = {
     "pressure": "MPa", "traction": "MPa", "gap": "mm", "slip": "mm", "accumulated_slip": "mm",
     "status": "0 open, 1 stick, 2 slip", "friction": "1",
@@ -67,6 +69,7 @@ def prepare_for_all(comm: MPI.Comm, folder: Path, mark: str) -> None:
 
 def clear(folder: Path) -> None:
     """Remove the results of an earlier run, and nothing else."""
+    remove_page(folder)
     with writing(folder):
         for stale in (folder / CURVE, folder / SUMMARY, folder / INTERFACE, *folder.glob("*.png")):
             stale.unlink(missing_ok=True)
@@ -82,7 +85,28 @@ def write_scene(folder: Path, scene: Scene) -> None:
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> None:
     """summary.json; its presence says that the run is complete."""
-    write_json(folder / SUMMARY, summary)
+    write_numbers(folder / SUMMARY, summary)
+
+
+def write_numbers(path: Path, numbers: Mapping[str, Any]) -> None:
+    """The file of numbers that a page is made of; a page of older ones is removed first.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    remove_page(path.parent)
+    write_json(path, numbers)
+
+
+def remove_page(folder: Path) -> None:
+    """Remove the page of a folder, and its PDF: it would be taken for that of the results to come.
+
+    Raises:
+        OutputError: it cannot be removed.
+    """
+    with writing(folder):
+        for ending in (".html", ".pdf"):
+            (folder / PAGE).with_suffix(ending).unlink(missing_ok=True)
 
 
 class CurveFile:

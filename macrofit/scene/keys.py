@@ -242,15 +242,20 @@ class ServiceKeys(Keys, frozen=True):
     ] = 0.0
     harmonics: Annotated[
         int, msgspec.Meta(ge=1, le=20), told("Highest harmonic H of the rotation; there are 2 H + 1 angles [-].")
-    ] = 3
+    ] = 4
     steps: Annotated[
         int, msgspec.Meta(ge=3, le=10000), told("Least steps of a revolution, rounded up to a multiple of 2 H + 1 [-].")
-    ] = 56
+    ] = 63
     revolutions: Annotated[
         int,
         msgspec.Meta(ge=1, le=100),
-        told("Revolutions that are followed, behind the one in which the loads come up [-]."),
+        told("Revolutions that are followed at most, behind the one in which the loads come up [-]."),
     ] = 3
+    periodicity: Annotated[
+        float,
+        msgspec.Meta(ge=0.0, lt=1.0),
+        told("Slip that a revolution may leave, in its largest range, to be the last one [-]; 0: all are followed."),
+    ] = 0.0
     bending_limit: Annotated[
         Positive | None,
         told(

@@ -41,9 +41,8 @@ class Edge:
     name: str  # "front" or "inner"
     z: float  # mm, where contact ends
     nominal_stress: float  # MPa, there
-    concentration: (
-        float | None
-    )  # stress over the nominal one, OUTSIDE mm beside the hub; None: off the seat, or nothing bends
+    concentration: float | None  # stress over the nominal one, OUTSIDE mm beside the hub
+    without: str | None  # why there is none
     shear_power: float | None  # exponent of the shear within EDGE; None: too few facets
 
 
@@ -105,10 +104,20 @@ def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: F
     power = None
     if inside.sum() >= 4:
         power = float(np.polyfit(np.log(distance[inside]), np.log(shear[inside]), 1)[0])
+    nominal = float(whole.nominal_stress(np.array([at]))[0])
     return Edge(
         name=name,
         z=float(at),
-        nominal_stress=float(whole.nominal_stress(np.array([at]))[0]),
+        nominal_stress=nominal,
         concentration=concentration if np.isfinite(concentration) else None,
+        without=None if np.isfinite(concentration) else _without(nominal, out * (z[0 if out < 0.0 else -1] - at)),
         shear_power=power,
     )
+
+
+def _without(nominal: float, left: float) -> str:
+    """Why there is no concentration beside an edge; the last facet's middle stands ``left`` mm beside it."""
+    if nominal == 0.0:
+        return "nothing bends the axle there"
+    ends = f"the last facet is {left:.2g} mm beside the hub" if left > 0.0 else "the hub reaches the end of the seat"
+    return f"{ends}, and it is taken {OUTSIDE:g} mm beside"

@@ -38,7 +38,7 @@ class Fretting:
     front_zone: float  # mm, length from the front end of the contact over which it slips
     inner_zone: float  # mm, from its inner end
     left: tuple[float, float]  # change of the slip along and around over the revolution, in its largest range
-    wave_errors: tuple[float, float]  # see `_wave_error`: of pressure and shear along the seat, of shear around it
+    wave_errors: tuple[float, float]  # see `wave_error`: of pressure and shear along the seat, of shear around it
 
 
 def fretting(whole: Wheelset, last: Revolution) -> Fretting:
@@ -52,9 +52,7 @@ def fretting(whole: Wheelset, last: Revolution) -> Fretting:
     touches = closed.any(axis=(0, 1))
     slips = touches & (np.hypot(*ranges) > SLIPPED)
     always = closed.all(axis=(0, 1))
-    left = np.abs(slip[-1] - slip[0])[:, :, always].max(axis=(0, 2), initial=0.0)[1:]
-    left /= max(float(ranges[0].max(initial=0.0)), 1e-300)
-    shears = [_wave_error(traction[:, :, part][..., always]) for part in (slice(0, 2), slice(2, 3))]
+    shears = [wave_error(traction[:, :, part][..., always]) for part in (slice(0, 2), slice(2, 3))]
     size = max(float(np.abs(traction[:, :, 1:]).max(initial=0.0)), 1e-300)
     wave = [error / size for error in shears]
     front, inner = _zones(whole.fit.z, touches, slips)
@@ -70,9 +68,24 @@ def fretting(whole: Wheelset, last: Revolution) -> Fretting:
         opening=-slip[:, :, 0].min(axis=(0, 1)),
         front_zone=front,
         inner_zone=inner,
-        left=(float(left[0]), float(left[1])),
+        left=_left(slip, always, ranges[0]),
         wave_errors=(wave[0], wave[1]),
     )
+
+
+def slip_left(revolution: Revolution) -> tuple[float, float]:
+    """`Fretting.left` of a revolution by itself."""
+    traction = np.stack([moment.traction for moment in revolution.moments])
+    slip = np.stack([moment.slip for moment in revolution.moments])
+    closed = in_contact(traction)
+    return _left(slip, closed.all(axis=(0, 1)), _range(slip[:, :, 1], closed))
+
+
+def _left(slip: FloatArray, always: BoolArray, axial_range: FloatArray) -> tuple[float, float]:
+    """What slip (times, K, 3, m) has changed along and around where it is always in contact, in the largest range."""
+    left = np.abs(slip[-1] - slip[0])[:, 1:, always].max(axis=(0, 2), initial=0.0)
+    along, around = (left / max(float(axial_range.max(initial=0.0)), 1e-300)).tolist()
+    return along, around
 
 
 def in_contact(traction: FloatArray) -> BoolArray:
@@ -98,7 +111,7 @@ def _zones(z: FloatArray, touches: BoolArray, slips: BoolArray) -> tuple[float, 
     return (whole, whole) if not len(stuck) else (float(stuck[0] - place[0]), float(place[-1] - stuck[-1]))
 
 
-def _wave_error(traction: FloatArray) -> float:
+def wave_error(traction: FloatArray) -> float:
     """How far tractions (times + 1, K, ...) are from a wave that turns with the loads [MPa]: between times alike."""
     steps, angles = len(traction) - 1, traction.shape[1]
     turned = [np.roll(traction[:-1, k], -k * (steps // angles), axis=0) for k in range(angles)]

@@ -20,7 +20,7 @@ from ..base.files import read_regular, remove_drafts, writing
 from ..base.log import Log, frame, frames
 from ..errors import OutputError
 from ..results.encoding import PackedArray, State, packed, unpacked
-from ..results.folder import prepare, write_scene
+from ..results.folder import prepare, remove_page, write_scene
 from ..results.journal import Journal, file_digests, is_journal, scene_digest
 from ..scene import Scene
 from .output import NUMBERS, RESULTS
@@ -139,6 +139,7 @@ def _head(scene: Scene) -> bytes:
 
 
 def _started(path: Path, head: bytes) -> tuple[Log, list[_Frame]]:
+    remove_page(path.parent)
     with writing(path.parent):
         for stale in RESULTS:
             (path.parent / stale).unlink(missing_ok=True)

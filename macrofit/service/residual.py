@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -71,11 +71,12 @@ def pressed_and_released(
     friction: GivenFriction | None = None,
     journal: Journal | None = None,
     assembly: Assembly | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[Residual, Mapping[str, Body]]:
     """Press the wheel on, let it go, and give what is left with the bodies; ``friction`` stands for the scene's.
 
     The ``journal`` keeps the increments of the press, and gives back those of an interrupted one; the ``assembly`` is
-    that of the same bodies, where it is there already.
+    that of the same bodies, where it is there already; ``tell`` hears how far the press is.
 
     Raises:
         SceneError: the bodies never meet, or nothing holds the wheel.
@@ -88,7 +89,7 @@ def pressed_and_released(
     script = None if friction is None else ScriptFriction(friction)
     field = friction_field(scene, MPI.COMM_SELF, seat, wheel, script)
     press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
-    before, after, flowed = _pressed(press, journal)
+    before, after, flowed = _pressed(press, journal, tell)
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
     if held and after.friction_force == 0.0:
@@ -105,7 +106,7 @@ def pressed_and_released(
     return replace(found, plastic_strain=flowed), assembly.bodies
 
 
-def _pressed(press: Press, journal: Journal | None) -> tuple[State, State, float]:
+def _pressed(press: Press, journal: Journal | None, tell: Callable[[str], None]) -> tuple[State, State, float]:
     """The states before and after the last increment, and the largest plastic strain of all."""
     kept = [] if journal is None else journal.records()
     states = [State.restored(arrays) for _, arrays in kept]
@@ -116,6 +117,7 @@ def _pressed(press: Press, journal: Journal | None) -> tuple[State, State, float
         if journal is not None:
             journal.append(record, state.arrays() | press.friction.news())
         before, after, flowed = after, state, max(flowed, record.plastic_strain)
+        tell(f"Pressed         to {state.displacement:.4g} of {press.scene.displacements[-1]:.4g} mm")
     return before, after, flowed
 
 

@@ -8,6 +8,7 @@ from what helped last; where Newton's method gets nowhere from both, it takes sh
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,11 @@ from ..base.arrays import FloatArray
 from ..errors import ConvergenceError
 from .kernel import Kernel
 from .slipping import Law, Solved, search_step, solve_step
+from .wheelset import Loads
 
 HALVINGS = 6
+PRESSED = 3.0
+"""Loads press the fit together at most that many times as much as if it were bonded; opening shifts pressure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +56,7 @@ class Rotation:
         self.still = self._traction - kernel.respond(flat).reshape(self._slip.shape)
         self.steps = kernel.angles * math.ceil(steps / kernel.angles)
         self.iterations, self._turns = 0, True
+        self.tell: Callable[[str], None] = lambda _: None  # hears how far it is, before every attempt
 
     def rest(self) -> Moment:
         """The released fit, without loads."""
@@ -117,12 +122,14 @@ class Rotation:
         flat = here.slip.reshape(len(here.slip), -1)
         turned = self.kernel.turned(flat, 2.0 * math.pi * (time - here.time)).reshape(here.slip.shape)
         for turns in (True, False) if self._turns else (False, True):
+            self.tell(f"Turning         {_place(time)}")
             solved = solve_step(self.kernel, law, still, turned if turns else here.slip)
             self.iterations += solved.iterations
             if solved.converged:
                 self._turns = turns  # what helped last is tried first: a guess that does not help takes longest
                 return solved
         for guess in (here.slip, turned):
+            self.tell(f"Turning         {_place(time)}, by shorter ways")
             solved = search_step(self.kernel, law, still, guess)
             self.iterations += solved.iterations
             if solved.converged:
@@ -145,11 +152,8 @@ class Rotation:
         return self.kernel.work((at, angle), (was, scale), change, (after.slip - before.slip).reshape(flat))
 
     def _lost(self, time: float) -> str:
-        scale, angle = _load_at(time)
-        degrees = f"{math.degrees(angle) % 360.0:.0f} degrees"
-        turned = f" of revolution {math.floor(time) + 1}" if time >= 0.0 else ""
         return (
-            f"service: no equilibrium was found beyond {scale:.0%} of the loads at {degrees}{turned}: the wheel slides "
+            f"service: no equilibrium was found beyond {_place(time)}: the wheel slides "
             f"on its seat or lifts off; lower the loads, raise the friction or the interference, or try more "
             f"service.steps"
         )
@@ -158,3 +162,34 @@ class Rotation:
 def _load_at(time: float) -> tuple[float, float]:
     """What part of the loads acts at a time, and their angle [rad]."""
     return min(1.0, 1.0 + time), 2.0 * math.pi * time
+
+
+def _place(time: float) -> str:
+    """A time in words: what part of the loads acts, and at which angle."""
+    scale, angle = _load_at(time)
+    turned = f" of revolution {math.floor(time) + 1}" if time >= 0.0 else ""
+    return f"{scale:.0%} of the loads at {math.degrees(angle) % 360.0:.0f} degrees{turned}"
+
+
+def check_grip(rotation: Rotation, loads: Loads) -> None:
+    """See that friction can hold the lateral force and the torque in the first step.
+
+    Both are held by shear alone, which friction mu keeps below mu p: hypot(F, T / r) <= sum of mu p. The loads press
+    the fit together by at most PRESSED times what they press the bonded one. On a cone pressure holds too.
+
+    Raises:
+        ConvergenceError: it cannot, so that the wheel slides; how far beyond, a step would only find out by trying.
+    """
+    fit, kernel, m = rotation.kernel.fit, rotation.kernel, rotation.kernel.fit.moments
+    grip = rotation.friction + np.abs(fit.normals[:, 1] / fit.normals[:, 0])
+    held = float((grip * fit.weight) @ -rotation.rest().traction[:, 0].mean(axis=0))
+    more = PRESSED * float(grip.max() * (np.abs(kernel.load_at(0.0)[:, :m]).mean(axis=0) @ fit.weight))
+    asked = math.hypot(loads.keys.lateral_force, loads.keys.torque / float(fit.lines[0].radius.max()))
+    if asked <= rotation.steps * held + more:
+        return
+    scale = held / (asked - more)
+    raise ConvergenceError(
+        f"service: no equilibrium is possible beyond {scale:.2g} of the loads at {360.0 * scale:.2g} degrees: friction "
+        f"holds {held / 1e3:.4g} kN, and service.lateral_force with service.torque over the radius asks for "
+        f"{asked / 1e3:.4g} kN; lower them (N, N mm), or raise the friction or the interference"
+    )

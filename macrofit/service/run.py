@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from ..assembly import Assembly, discretise_bodies
 from ..base.arrays import FloatArray
+from ..base.progress import Paced
 from ..base.ranks import raise_together
 from ..bodies.body import Body
 from ..errors import MacrofitError, OutputError
@@ -23,12 +24,12 @@ from .bonded import Bonded, Harmonic, bonded_solution, in_bending, one_harmonic
 from .fatigue.limits import limits_of
 from .harmonics import HarmonicBody
 from .helpers import Helpers, help_first
-from .history import Endurance, Fretting, endurance, fretting, stress_histories
+from .history import Endurance, Fretting, endurance, fretting, slip_left, stress_histories
 from .journal import Kept, KeptRotation, open_folder
 from .kernel import Kernel
 from .output.write import write_service
 from .residual import Residual, pressed_and_released, restored
-from .rotation import Moment, Revolution
+from .rotation import Moment, Revolution, check_grip
 from .wheelset import Wheelset, in_harmonics, service_keys, touching, wheelset
 
 
@@ -74,7 +75,7 @@ class Shared:
         self._last: tuple[Scene, Residual, Mapping[str, Body]] | None = None
 
     def released(
-        self, scene: Scene, friction: GivenFriction | None, journal: Journal | None
+        self, scene: Scene, friction: GivenFriction | None, journal: Journal | None, tell: Callable[[str], None]
     ) -> tuple[Residual, Mapping[str, Body]]:
         """The fit after the press, see `pressed_and_released`; the last one where all but the loads is the same.
 
@@ -82,10 +83,10 @@ class Shared:
             MacrofitError: see `pressed_and_released`.
         """
         if self._assembly_of is None:
-            return pressed_and_released(scene, friction, journal)
+            return pressed_and_released(scene, friction, journal, tell=tell)
         without_loads = pressed(scene)
         if self._last is None or self._last[0] != without_loads:
-            found = pressed_and_released(scene, friction, journal, self._assembly_of(scene))
+            found = pressed_and_released(scene, friction, journal, self._assembly_of(scene), tell)
             self._last = without_loads, *found
         return self._last[1:]
 
@@ -101,10 +102,15 @@ class Course:
 
     def __init__(self, scene: Scene, say: Callable[[str], None], kept: Kept, shared: Shared | None = None) -> None:
         self.scene, self._say, self._kept = scene, say, kept
-        self._shared = shared or Shared()
+        self._shared, self._tell = shared or Shared(), Paced(say)
         self._begun: tuple[Wheelset, list[Harmonic], Residual] | None = None
         self._rotation: KeptRotation | None = None
         self._revolutions: list[Revolution] = []
+
+    @property
+    def rotation(self) -> KeptRotation | None:
+        """The fit as it turns, which can be turned on; None before the wheel is released."""
+        return self._rotation
 
     def carry_out(self, friction: GivenFriction | None = None) -> Service:
         """Press, release and turn, see `serve`.
@@ -127,7 +133,7 @@ class Course:
         if held is not None:
             bodies = discretise_bodies(self.scene, MPI.COMM_SELF)
             return restored(*held, bodies), bodies
-        residual, found = self._shared.released(self.scene, friction, self._kept.press)
+        residual, found = self._shared.released(self.scene, friction, self._kept.press, self._tell)
         self._kept.append(residual.scalars, residual.arrays)
         return residual, found
 
@@ -135,11 +141,17 @@ class Course:
         keys, chosen = whole.loads.keys, whole.fit.chosen
         start = (residual.traction[:, chosen], residual.gap[chosen], residual.friction[chosen])
         self._rotation = rotation = KeptRotation(Kernel(whole.fit, found), *start, keys.steps, kept=self._kept)
+        rotation.tell = self._tell
+        check_grip(rotation, whole.loads)
         here = rotation.loaded()
         for count in range(1, keys.revolutions + 1):
             self._revolutions.append(rotation.revolve(here))
             here = self._revolutions[-1].moments[-1]
-            self._say(f"Revolution {count:<4} friction work {1e-3 * self._revolutions[-1].friction_work:.5g} J")
+            left = max(slip_left(self._revolutions[-1]))
+            work = f"friction work {1e-3 * self._revolutions[-1].friction_work:.5g} J"
+            self._say(f"Revolution {count:<4} {work}; it leaves {left:.1e} of the slip")
+            if left <= keys.periodicity:
+                break
 
     def so_far(self, ended: str | None = None) -> Service | None:
         """What there is of it, which ``ended`` early for this reason; None before the wheel is released."""

@@ -39,8 +39,10 @@ LOST = 100.0
 """Slip beyond which Newton's method has lost the wheel [mm]."""
 DENSE = 400
 """Unknowns from which on a linear problem is solved by GMRES."""
-LINEAR = 1e-8
-"""Its tolerance."""
+LINEAR, ENOUGH = 1e-5, 0.03
+"""What of a residual it may leave: so much of it, or so much of what a step may leave."""
+MORE = 1.2
+"""How many times as many moments as slip may be kept between Newton's iterations."""
 SINGULAR = 1e-13
 """Reciprocal condition number below which a linear problem has no solution of use."""
 VISCOUS = 1e-2
@@ -94,9 +96,8 @@ def search_step(kernel: Kernel, law: Law, still: FloatArray, guess: FloatArray) 
 
 def _solved(problem: Problem, guess: FloatArray, *, search: bool) -> Solved:
     here, done = problem.at(guess), None
-    scale = max(float(np.abs(problem.still[:, 0]).max()), 1e-300)
     for iteration in range(ITERATIONS):
-        if done is not None and here.error <= TOLERANCE * scale and (here.status == done).all():
+        if done is not None and here.error <= problem.tolerance and (here.status == done).all():
             return Solved(traction=here.traction, slip=here.slip, iterations=iteration, converged=True)
         done = here.status
         correction = problem.correction(here)
@@ -143,6 +144,16 @@ class Problem:
     law: Law
     still: FloatArray  # (K, 3, m)
 
+    @cached_property
+    def tolerance(self) -> float:
+        """The largest residual that may be left [MPa]."""
+        return TOLERANCE * max(float(np.abs(self.still[:, 0]).max()), 1e-300)
+
+    @cached_property
+    def nearby(self) -> Nearby:
+        """S between the moments that slip in this step."""
+        return Nearby(self.kernel)
+
     def at(self, slip: FloatArray) -> Place:
         """What the law leaves of slips."""
         traction = self.still + _respond(self.kernel, slip)
@@ -158,7 +169,7 @@ class Problem:
         if not (here.opens.any() or here.slips.any()):
             return np.zeros_like(here.slip)
         moved = here.traction + (_respond(self.kernel, here.rest) if here.rest.any() else 0.0)
-        return _correction(self.kernel, self.law, (here.traction, moved), here.q, here.bound, here.opens, here.slips)
+        return _correction(self, here, moved)
 
     def searched(self, here: Place, correction: FloatArray) -> Place:
         """The first place on the way, half as far each time, that leaves enough less; or the best of them."""
@@ -190,48 +201,66 @@ def _residual(traction: FloatArray, q: FloatArray, bound: FloatArray, opens: Boo
     return np.where(opens[:, None], traction, out)
 
 
-def _correction(
-    kernel: Kernel,
-    law: Law,
-    tractions: tuple[FloatArray, FloatArray],
-    q: FloatArray,
-    bound: FloatArray,
-    opens: BoolArray,
-    slips: BoolArray,
-) -> FloatArray:
-    """The change of the slips (K, 3, m) of points that slip or open; tractions before and after the others settled."""
-    traction, moved = tractions
-    k, j = np.nonzero(opens | slips)
-    free = opens[k, j]
-    e, size = _unit(q)
-    e, beta = e[k, :, j], (bound / size)[k, j]
+def _correction(problem: Problem, here: Place, moved: FloatArray) -> FloatArray:
+    """The change of the slips (K, 3, m) of points that slip or open; ``moved`` are tractions when others settled."""
+    k, j = np.nonzero(here.opens | here.slips)
+    free = here.opens[k, j]
+    e, size = _unit(here.q)
+    e, beta = e[k, :, j], (here.bound / size)[k, j]
     across = np.eye(2) - e[:, :, None] * e[:, None, :]
     mixing = np.zeros((len(k), 3, 3))  # of d lambda
     mixing[:, 1:, 1:] = np.eye(2) - beta[:, None, None] * across
-    mixing[:, 1:, 0] = law.friction[j, None] * e
+    mixing[:, 1:, 0] = problem.law.friction[j, None] * e
     mixing[free] = np.eye(3)
     own = np.zeros((len(k), 3, 3))  # of d w
     own[:, 1:, 1:] = RHO * beta[:, None, None] * across
     own[free] = 0.0
-    residual = _residual(traction, q, bound, opens, slips)[k, :, j]
-    residual += np.einsum("pij,pj->pi", mixing, (moved - traction)[k, :, j])
+    residual = here.residual[k, :, j] + np.einsum("pij,pj->pi", mixing, (moved - here.traction)[k, :, j])
     unknown = np.stack([free, np.ones_like(free), np.ones_like(free)], axis=1)
-    linear = Linear(kernel=kernel, points=(k, j), mixing=mixing, own=own, unknown=unknown)
-    step = linear.solve(residual, DENSE)
-    out = np.zeros_like(traction)
+    linear = Linear(nearby=problem.nearby, points=(k, j), mixing=mixing, own=own, unknown=unknown)
+    step = linear.solve(residual, DENSE, ENOUGH * problem.tolerance)
+    out = np.zeros_like(here.slip)
     out[k, :, j] = step
     return out
+
+
+class Nearby:
+    """S of all harmonics between the moments that slip somewhere, taken out anew where others do."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.kernel = kernel
+        self._moments: IntArray = np.zeros(0, dtype=np.int64)
+        self._matrices: list[FloatArray] = []
+
+    def among(self, moments: IntArray) -> tuple[IntArray, list[FloatArray]]:
+        """These moments, in ascending order, and perhaps a few more; and S between them (3 q, 3 q) [MPa/mm]."""
+        missing = np.setdiff1d(moments, self._moments)
+        if len(missing) or len(self._moments) > MORE * len(moments):
+            every = np.union1d(moments, self._moments)
+            self._moments = every if len(every) <= MORE * len(moments) else moments
+            self._matrices = self.kernel.between(self.places)
+        return self._moments, self._matrices
+
+    @property
+    def places(self) -> IntArray:
+        """The components of these moments among 3 m."""
+        return (np.arange(3)[:, None] * self.kernel.fit.moments + self._moments).ravel()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
     """mixing (S d w) + own d w = -residual at p points, for the unknown components of d w (p, 3)."""
 
-    kernel: Kernel
+    nearby: Nearby
     points: tuple[IntArray, IntArray]  # angle and moment of each
     mixing: FloatArray  # (p, 3, 3)
     own: FloatArray  # (p, 3, 3)
     unknown: BoolArray  # (p, 3)
+
+    @property
+    def kernel(self) -> Kernel:
+        """The fit around the whole ring."""
+        return self.nearby.kernel
 
     @cached_property
     def chosen(self) -> IntArray:
@@ -244,10 +273,10 @@ class Linear:
         k, j = self.points
         return np.repeat(k, 3), (np.arange(3) * self.kernel.fit.moments + j[:, None]).ravel()
 
-    def solve(self, residual: FloatArray, most: int) -> FloatArray:
-        """d w (p, 3): by elimination, or by GMRES where there are more than ``most`` unknowns."""
+    def solve(self, residual: FloatArray, most: int, enough: float = 0.0) -> FloatArray:
+        """d w (p, 3): by elimination, or by GMRES where there are more than ``most`` unknowns, to ``enough`` [MPa]."""
         right, out = -residual.ravel()[self.chosen], np.zeros(residual.size)
-        found = self._iterated(right) if len(right) > most else None
+        found = self._iterated(right, enough) if len(right) > most else None
         out[self.chosen] = (
             _regular_solution(self.rows(slice(0, len(self.points[0]))), right) if found is None else found
         )
@@ -280,12 +309,11 @@ class Linear:
     def _near(self) -> tuple[list[FloatArray], ComplexArray, tuple[IntArray, IntArray]]:
         """S between the moments that slip somewhere, their factor around the axle, and where all components stand."""
         k, j = self.points
-        moments, own = np.unique(j, return_inverse=True)
-        among = (np.arange(3)[:, None] * self.kernel.fit.moments + moments).ravel()
-        places = (np.arange(3) * len(moments) + own[:, None]).ravel()
-        return self.kernel.between(among), self.kernel.turn[among], (np.repeat(k, 3), places)
+        moments, matrices = self.nearby.among(np.unique(j))
+        places = (np.arange(3) * len(moments) + np.searchsorted(moments, j)[:, None]).ravel()
+        return matrices, self.kernel.turn[self.nearby.places], (np.repeat(k, 3), places)
 
-    def _iterated(self, right: FloatArray) -> FloatArray | None:
+    def _iterated(self, right: FloatArray, enough: float) -> FloatArray | None:
         """By GMRES, its preconditioner the points of each angle by themselves; None where it does not get there."""
         from scipy.sparse.linalg import LinearOperator, gmres  # 0.1 s that small problems need not wait for
 
@@ -306,7 +334,7 @@ class Linear:
             M=LinearOperator(size, by_angle),
             restart=60,
             maxiter=2,
-            atol=0.0,
+            atol=enough,
             **exact,
         )
         return None if info or not np.isfinite(found).all() else np.asarray(found)

@@ -14,6 +14,7 @@ from ..contact.interface import MortarCoupling, couple_lines
 from ..contact.seat import gamma_of
 from ..errors import SceneError
 from ..press import REACH
+from ..results.doubts import LARGE_STRAIN
 from ..scene.keys import ContactKeys, Scene, ServiceKeys
 from .elements import ComplexArray
 from .fit import Fit
@@ -102,7 +103,7 @@ def wheelset(
     ``revolved`` gives the bodies in harmonics where they are there already.
 
     Raises:
-        SceneError: nothing can bend here, or the wheel is not on its seat.
+        SceneError: nothing can bend here, the wheel is not on its seat, or the loads bend the axle out of all measure.
     """
     if scene.direction != "radial":
         raise SceneError("service: bends a wheel on an axle, and the gap is axial here")
@@ -123,7 +124,23 @@ def wheelset(
     penalty = ContactKeys(formulation="penalty", penalty_stiffness=stiffness)
     gamma = gamma_of(penalty, line.material.youngs_modulus, line.length)
     fit = Fit(axle, wheel, lines, coupling, gamma, every)
-    return Wheelset(scene=scene, displacement=where, fit=fit, loads=loads_of(keys, axle, wheel, where))
+    whole = Wheelset(scene=scene, displacement=where, fit=fit, loads=loads_of(keys, axle, wheel, where))
+    _check_bending(whole)
+    return whole
+
+
+def _check_bending(whole: Wheelset) -> None:
+    """See that the axle bends within what small strains describe."""
+    stress, keys = np.abs(whole.nominal_stress(whole.fit.z)), whole.loads.keys
+    top = int(np.argmax(stress))
+    strain = float(stress[top]) / whole.fit.lines[0].material.youngs_modulus
+    if strain > LARGE_STRAIN:
+        raise SceneError(
+            f"service: {keys.journal_force:.4g} N on the journal, {keys.lateral_force:.4g} N along the axle and "
+            f"{keys.journal_moment:.4g} N mm at the front end bend the axle at z = {whole.fit.z[top]:.1f} mm by a "
+            f"strain of {strain:.2g}, at every angle, where small strains end at {LARGE_STRAIN:g}; state "
+            f"service.journal_force and lateral_force in N, journal_moment in N mm, or lower them"
+        )
 
 
 def in_harmonics(body: Body, name: str) -> HarmonicBody:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from ..acceptance import Verdict, judge_scene
-from ..base.files import remove_drafts, write_json, write_text, writing
+from ..base.files import remove_drafts, write_text, writing
 from ..base.progress import duration, printable, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_runs
-from ..results.folder import JOURNAL, prepare
+from ..results.folder import JOURNAL, prepare, remove_page, write_numbers
 from ..results.versions import session, versions
 from ..solution import Extreme
 from .fields import FIELDS
@@ -45,6 +45,7 @@ def open_study(folder: Path, plan: Plan, *, resume: bool) -> StudyFile:
     remove_drafts(folder, folder / FIELDS)
     if resume:  # what is there stays until it is written anew: a run may still be refused
         return kept
+    remove_page(folder)
     with writing(folder):
         for stale in (folder / ROWS, folder / CURVES, folder / TOTALS, *folder.glob("*.png")):
             stale.unlink(missing_ok=True)
@@ -93,7 +94,7 @@ def write_study(
     write_text(folder / CURVES, csv_text(_curves(plan, records)))
     figures = write_study_figures(folder, plan, records, verdicts)
     numbers = _totals(plan, records, computed, costs) | {"verdicts": _verdict_totals(plan, verdicts)}
-    write_json(folder / TOTALS, numbers)  # last: its presence says that the study is complete
+    write_numbers(folder / TOTALS, numbers)  # last: its presence says that the study is complete
     drawn = ", ".join(path.name for path in figures)
     lines = [*_sentences(plan, records, numbers), *_accepted(verdicts)]
     return [*lines, f"Figures         {drawn}", f"Files           {folder}"]

@@ -76,3 +76,18 @@ def test_the_page_of_the_demo_has_the_numbers_of_its_study(tmp_path: Path) -> No
     for picture in re.findall(r'src="([^"]+)"', told):
         assert (folder / picture).is_file()
     assert "resonance" in told
+
+
+def test_a_seat_wears_and_is_pressed_anew(tmp_path: Path) -> None:
+    """More is lost from line to line, and friction falls with it."""
+    told = script("worn_seat.py", tmp_path / "worn")
+    rows = [
+        tuple(map(float, row)) for row in re.findall(r"work ([\d.]+) J; then up to ([\d.]+) um .* from ([\d.]+)", told)
+    ]
+    works, depths, frictions = zip(*rows, strict=True)
+    assert len(works) == 4
+    assert list(depths) == sorted(depths)
+    assert list(frictions) == sorted(frictions, reverse=True)
+    assert works[-1] != works[0]
+    assert (tmp_path / "worn" / "worn.csv").read_text().startswith("z_mm,deviation_um\n")
+    assert "pressed onto the worn seat: friction work" in told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,8 @@ from macrofit.errors import ConvergenceError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping, wheelset
 from macrofit.service.bonded import one_harmonic
+from macrofit.service.history import slip_left
+from macrofit.service.output.numbers import service_doubts
 from macrofit.service.residual import pressed_and_released
 from macrofit.service.run import Service, bonded_only, serve
 from macrofit.service.seat_stress import MM, MT, TT, facet_mean
@@ -22,6 +25,7 @@ from macrofit.solve import solve
 COARSE = (
     "mesh.seat_facet=6", "mesh.coarse=40", "motion.start=90", "motion.travel=180", "motion.increment=15",
     "wheel.bore_radius=94.85", "friction.options.coefficient=0.2", "service.steps=28",
+    "service.harmonics=3",
 )  # fmt: skip
 
 
@@ -49,6 +53,62 @@ def test_third_revolution_repeats_the_second_and_is_a_wave() -> None:
     assert turned is not None
     assert turned.fretting.left[0] < 1e-3
     assert turned.fretting.wave_errors[0] < 5e-3
+
+
+def test_turns_until_it_is_periodic_and_no_longer() -> None:
+    several, asked = served("service.revolutions=5").turned, served("service.revolutions=5", "service.periodicity=4e-3")
+    assert several is not None
+    assert asked.turned is not None
+    left = [max(slip_left(each)) for each in several.revolutions]
+    count = next(k for k, each in enumerate(left, 1) if each <= 4e-3)
+    assert 1 < count < 5
+    assert len(asked.turned.revolutions) == count
+    assert [max(slip_left(each)) for each in asked.turned.revolutions] == left[:count]
+    assert left[count - 1] == max(asked.turned.fretting.left)
+    assert not service_doubts(asked.whole, asked.turned)
+
+
+def test_what_is_not_periodic_by_its_last_revolution_is_doubted() -> None:
+    found = served("service.revolutions=2", "service.periodicity=1e-6")
+    assert found.turned is not None
+    assert len(found.turned.revolutions) == 2
+    said = [doubt for doubt in service_doubts(found.whole, found.turned) if doubt.startswith("not periodic yet")]
+    assert len(said) == 1
+    assert f"revolution 2 leaves {max(found.turned.fretting.left):.1e} of the slip" in said[0]
+
+
+@pytest.mark.parametrize("load", ["service.torque=1e12", "service.torque=-1e12"])
+def test_loads_that_friction_cannot_hold_in_the_first_step_end_at_once(
+    monkeypatch: pytest.MonkeyPatch, load: str
+) -> None:
+    monkeypatch.setattr(rotation, "solve_step", None)  # no step is tried
+    with pytest.raises(
+        ConvergenceError, match=r"no equilibrium is possible beyond [0-9.e-]+ of the loads at [0-9.e-]+"
+    ):
+        serve(small(load, "motion.increment=30"))
+
+
+def test_grip_is_that_of_the_fit_and_loads_within_it_are_tried() -> None:
+    # the torque that slides the fit round as a whole is found by steps; the bound lies above, not below it
+    given = ("motion.increment=30", "service.harmonics=1", "service.steps=9", "service.revolutions=1")
+    nothing = ("service.journal_force=0", "service.journal_moment=0")
+    residual, _ = pressed_and_released(small(*given))
+    whole = served(*given).whole
+    holds = 0.2 * -(residual.traction[0, whole.fit.chosen] @ whole.fit.weight) * 95.0  # N mm
+    with pytest.raises(ConvergenceError, match="no equilibrium was found beyond") as found:
+        serve(small(*given, *nothing, f"service.torque={2.0 * holds}"))
+    assert 0.33 < float(str(found.value).split("beyond ")[1].split("%")[0]) / 100.0 < 0.56
+    with pytest.raises(ConvergenceError, match=r"is possible beyond 0\.05"):
+        serve(small(*given, *nothing, f"service.torque={20.0 * holds}"))
+
+
+@pytest.mark.parametrize(
+    ("load", "said"), [("journal_force=1e9", "1e+09 N on the journal"), ("lateral_force=-1e10", "-1e+10 N along")]
+)
+def test_loads_that_bend_the_axle_out_of_measure_are_refused_with_their_names(load: str, said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said) + r".* at every angle, .* service\.journal_force") as found:
+        bonded_only(small(f"service.{load}"))
+    assert "\n" not in str(found.value)
 
 
 def test_slip_around_the_axle_creeps_as_a_mean_twist_that_dies_away() -> None:

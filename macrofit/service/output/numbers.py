@@ -17,7 +17,7 @@ from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
 from ..fatigue.limits import judge_stress, limits_of
 from ..fit import Fit
-from ..history import SLIPPED, Endurance, Fretting
+from ..history import SLIPPED, Endurance, Fretting, slip_left
 from ..seat_stress import MM, NM, NN
 from ..wheelset import Wheelset
 
@@ -63,11 +63,12 @@ def numbers(found: Service) -> dict[str, Any]:
     }
 
 
-def _edge(edge: Edge) -> dict[str, float | None]:
+def _edge(edge: Edge) -> dict[str, float | str | None]:
     return {
         "z_mm": edge.z,
         "nominal_stress_MPa": edge.nominal_stress,
         "stress_concentration": edge.concentration,
+        "no_concentration_because": edge.without,
         "shear_power": edge.shear_power,
     }
 
@@ -84,6 +85,7 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "friction_work_of_revolutions_N_mm": [each.friction_work for each in turned.revolutions],
         "work_balance": abs(last.load_work - last.friction_work) / max(abs(last.friction_work), 1e-300),
         "slip_left_by_revolution": _where_held(held, wear.left),
+        "slip_left_of_revolutions": [max(slip_left(each)) for each in turned.revolutions],
         "wave_error": _where_held(held, wear.wave_errors),
         "newton_iterations": sum(each.iterations for each in turned.revolutions),
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
@@ -122,6 +124,12 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
         found.append(
             f"the wheel creeps: the last revolution leaves {max(wear.left):.1%} of the slip, {way} the axle; try more "
             f"service.revolutions, and if it stays, lower the loads"
+        )
+    periodicity = whole.loads.keys.periodicity
+    if periodicity > 0.0 and max(wear.left) > periodicity:
+        found.append(
+            f"not periodic yet: revolution {len(turned.revolutions)} leaves {max(wear.left):.1e} of the slip, and "
+            f"service.periodicity allows {periodicity:g}; let it turn on by more service.revolutions"
         )
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
@@ -212,10 +220,12 @@ def sentences(found: dict[str, Any]) -> list[str]:
     return lines + doubtful_lines(found["doubts"])
 
 
-def _bonded_said(edge: dict[str, float | None]) -> str:
+def _bonded_said(edge: dict[str, Any]) -> str:
     said = []
     if edge["stress_concentration"] is not None:
         said.append(f"{edge['stress_concentration']:.2f} times as much {OUTSIDE:g} mm beside the hub")
+    else:
+        said.append(f"no concentration, for {edge['no_concentration_because']}")
     if edge["shear_power"] is not None:
         said.append(f"shear as the distance to the power {edge['shear_power']:.2f}")
     return f"; bonded: {', '.join(said)}" if said else ""

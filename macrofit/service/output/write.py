@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.files import replacing, write_json
+from ...base.files import replacing
+from ...results.folder import write_numbers
 from . import FIGURE, FRETTING, HISTORIES, NUMBERS, SEAT, SURFACE
 from .numbers import fretting_columns, numbers, seat_columns, sentences, write_columns
 
@@ -37,5 +38,5 @@ def write_service(folder: Path, found: Service) -> list[str]:
 
         write_histories(folder / HISTORIES, found)
     write_figure(folder / FIGURE, found)
-    write_json(folder / NUMBERS, told)
+    write_numbers(folder / NUMBERS, told)
     return sentences(told)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...base.files import remove_drafts, write_json, write_text, writing
+from ...base.files import remove_drafts, write_text, writing
 from ...base.progress import printable
 from ...results.doubts import doubtful_runs
-from ...results.folder import prepare
+from ...results.folder import prepare, remove_page, write_numbers
 from ...results.versions import session, versions
 from ...study.output import csv_text, refuse_unfinished
 from ...study.plan import Plan
@@ -42,9 +42,11 @@ def open_service_study(folder: Path, plan: Plan, *, resume: bool) -> ServiceStud
         refuse_unfinished(folder, path, plan)
     kept = ServiceStudyFile(path, replace=not resume)
     remove_drafts(folder)
-    with writing(folder):
-        for stale in () if resume else (ROWS, TOTALS, FIGURE):
-            (folder / stale).unlink(missing_ok=True)
+    if not resume:
+        remove_page(folder)
+        with writing(folder):
+            for stale in (ROWS, TOTALS, FIGURE):
+                (folder / stale).unlink(missing_ok=True)
     return kept
 
 
@@ -65,7 +67,7 @@ def write_service_study(folder: Path, plan: Plan, records: Sequence[ServiceRecor
     write_text(folder / ROWS, csv_text(_table(plan, records)))
     write_service_figure(folder / FIGURE, plan, records)
     totals = _totals(plan, records)
-    write_json(folder / TOTALS, totals)  # last: its presence says that the study is complete
+    write_numbers(folder / TOTALS, totals)  # last: its presence says that the study is complete
     return [*_sentences(records, totals), f"Figures         {FIGURE}", f"Files           {folder}"]
 
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from serving import SHORT, read_table, service
 
+from macrofit.base import progress
 from macrofit.scene import load_scene
-from macrofit.service import output
+from macrofit.service import output, run
+from macrofit.service.bonded import _without
 from macrofit.service.output.numbers import _shares_said
 from macrofit.service.run import bonded_only
 
@@ -41,6 +43,48 @@ def test_bonded_solution_takes_no_press_and_replaces_what_was_there(tmp_path: Pa
     assert found["friction"] is None
     assert 1.0 < found["bonded"]["inner"]["stress_concentration"] < 3.0
     assert not (folder / output.FRETTING).exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "edge", "why"),
+    [
+        ((), "Front", "the last facet is 1.3 mm beside the hub, and it is taken 4 mm beside"),
+        (("service.journal_force=0", "service.journal_moment=0"), "Inner", "nothing bends the axle there"),
+    ],
+)
+def test_bonded_solution_says_why_there_is_no_concentration(
+    tmp_path: Path, more: tuple[str, ...], edge: str, why: str
+) -> None:
+    result = service(tmp_path / "bonded", *more, bonded=True)
+    assert result.exit_code == 0, result.stderr
+    line = next(line for line in result.stdout.splitlines() if line.startswith(f"{edge} edge"))
+    assert f"bonded: no concentration, for {why}" in line
+    found = json.loads((tmp_path / "bonded" / output.NUMBERS).read_text())["bonded"][edge.lower()]
+    assert found["stress_concentration"] is None
+    assert found["no_concentration_because"] == why
+
+
+def test_hub_that_reaches_the_end_of_the_seat_is_said_to() -> None:
+    assert _without(98.0, -1.0) == "the hub reaches the end of the seat, and it is taken 4 mm beside"
+
+
+def test_what_takes_long_says_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = ("service.revolutions=1", "service.steps=3")
+    assert "Turning" not in service(tmp_path / "quick", *quick).stdout
+    monkeypatch.setattr(run, "Paced", lambda say: say)  # as if each step took seconds
+    told = service(tmp_path / "long", *quick).stdout.splitlines()
+    assert "Pressed         to 120 of 180 mm" in told
+    assert "Turning         33% of the loads at 120 degrees" in told
+    assert "Turning         100% of the loads at 240 degrees of revolution 1" in told
+
+
+def test_progress_is_paced(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, told = iter([0.0, 1.0, 5.5, 6.0, 11.0]), list[str]()
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    tell = progress.Paced(told.append)
+    for text in "abcd":
+        tell(text)
+    assert told == ["b", "d"]
 
 
 @pytest.mark.parametrize("load", ["journal_force=1e5", "torque=1e6", "lateral_force=1e4"])

@@ -17,7 +17,7 @@ from macrofit.cli import main
 from macrofit.report.pdf import found_browser
 
 with_browser = pytest.mark.skipif(found_browser() is None, reason="no chromium: make setup-test installs it")
-NOT_SHOWN = re.compile(r"turned_revolutions|displacement_mm|verdict|friction.friction_work_of_revolutions")
+NOT_SHOWN = re.compile(r"turned_revolutions|displacement_mm|verdict|friction.(friction_work|slip_left)_of_revolutions")
 """Keys of service.json that the page says in words, or not at all."""
 
 
@@ -91,14 +91,6 @@ def test_what_is_not_known_is_a_dash(tmp_path: Path) -> None:
     text = (tmp_path / "served" / "report.html").read_text()
     assert "<tr><th>Front slip</th><td>–&nbsp;" not in text
     assert "<tr><th>Front slip</th><td>– along the axle, over " in text
-
-
-def test_study_in_service_says_that_it_has_no_page(tmp_path: Path) -> None:
-    (tmp_path / "service-study.json").write_text("{}")
-    done = report(tmp_path)
-    assert done.exit_code == 2
-    assert "is a study of wheelsets in service, which has no page" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
 
 
 def test_what_ended_early_says_why(tmp_path: Path) -> None:

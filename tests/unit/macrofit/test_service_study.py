@@ -1,27 +1,32 @@
-"""Studies of wheelsets in service: each run as alone, presses shared, early ends told."""
+"""Studies of wheelsets in service: each run as alone, presses shared, early ends told; their page."""
 
 from __future__ import annotations
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import browser
 from click.testing import CliRunner
 from serving import SHORT, service
 
 from macrofit.base.log import Log, frames
 from macrofit.cli import main
 from macrofit.errors import OutputError
+from macrofit.report.pdf import found_browser
+from macrofit.report.service_study import COLUMNS
 from macrofit.service import run as service_run
 from macrofit.service.study.figures import write_service_figure
-from macrofit.service.study.output import STUDY_FILE, _sentences, open_service_study
+from macrofit.service.study.output import STUDY_FILE, _sentences, open_service_study, write_service_study
 from macrofit.service.study.record import MAGIC, MEASURES, ServiceRecord
 from macrofit.service.study.run import alike
 from macrofit.study.plan import plan_study
 
+with_browser = pytest.mark.skipif(found_browser() is None, reason="no chromium: make setup-test installs it")
 KEYS = tuple(key for key in SHORT if "coefficient" not in key)
 VARIED = ("friction.options.coefficient=0.2,0.4", "service.torque=0.0,1e9")
 
@@ -104,6 +109,70 @@ def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]
     assert (folder / "service-study.png").stat().st_size > 10_000
 
 
+def report(folder: Path, *more: str) -> Any:
+    return CliRunner(mix_stderr=False).invoke(main, ["report", str(folder), *more])
+
+
+@with_browser
+def test_its_page_has_the_runs_over_what_is_varied(done: tuple[Path, str]) -> None:
+    folder, _ = done
+    told = report(folder)
+    assert (told.exit_code, told.stderr) == (0, "")
+    with browser() as page:
+        page.open(folder / "report.html")
+        shown = page.evaluate(
+            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
+        )
+        spread = page.evaluate("[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])")
+        heads = page.evaluate("[...document.querySelectorAll('#runs + div th')].map(e => e.textContent)")
+        cells = page.evaluate("[...document.querySelectorAll('#runs + div tr')].map(e => e.textContent)")
+        images = page.evaluate("[...document.images].map(i => i.complete && i.naturalWidth > 0)")
+        text = page.evaluate("document.body.textContent")
+        assert not page.errors
+    table = {row["run"]: row for row in rows(folder)}
+    assert {run for run, *_ in shown} == set(table)
+    assert all(table[run][column] == value for run, column, value in shown)
+    assert {column for run, column, _ in shown if run == "1"} == set(COLUMNS)
+    assert {column for run, column, _ in shown if run == "2"} == {"nominal_stress_MPa"}  # it slid round
+    assert heads[:3] == ["run", "friction.options.coefficient", "service.torque"]
+    assert cells[3].startswith("30.40.0")
+    assert "ended early" in cells[2]
+    assert "run 2: service: no equilibrium was found" in text
+    assert images == [True]
+    totals = json.loads((folder / "service-study.json").read_text())["statistics"]
+    assert len(spread) == 6 * len(COLUMNS)
+    assert all(totals[key.split(".")[1]][key.split(".")[2]] == value for key, value in spread)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("service-study.json", "{}", "has no title"),
+        ("service-study.csv", "", "is empty"),
+        ("service-study.csv", "run,label\n1,a\n", "is no table of a study"),
+        ("service-study.csv", None, "cannot be read"),
+    ],
+)
+def test_a_damaged_study_has_no_page_and_one_line(
+    done: tuple[Path, str], tmp_path: Path, name: str, content: str | None, said: str
+) -> None:
+    for each in ("service-study.json", "service-study.csv"):
+        shutil.copy(done[0] / each, tmp_path)
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text[: int(0.8 * len(text))] if content is None else content)
+    told = report(tmp_path)
+    assert told.exit_code == 2
+    assert len(told.stderr.splitlines()) == 1
+    assert said in told.stderr
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_standard_of_the_press_has_no_page_of_a_service(done: tuple[Path, str]) -> None:
+    told = report(done[0], "--standard", "gost-11018")
+    assert told.exit_code == 2
+    assert "leave --standard and --wheel out" in told.stderr
+
+
 def test_goes_on_with_the_runs_that_are_missing(done: tuple[Path, str], tmp_path: Path) -> None:
     folder = tmp_path / "killed"
     folder.mkdir()
@@ -120,6 +189,29 @@ def test_goes_on_with_the_runs_that_are_missing(done: tuple[Path, str], tmp_path
     assert (folder / "runs" / "0003" / "seat.vtu").is_file()
     timeless = [[{**row, "cpu_s": ""} for row in rows(place)] for place in (folder, done[0])]
     assert timeless[0] == timeless[1]
+
+
+def test_an_older_page_is_not_left_beside_newer_results(tmp_path: Path) -> None:
+    plan = plan_study("wheelset", VARIED)
+    records = [record_as(run.digest, 1.0) for run in plan.runs]
+    for resume in (False, True):
+        pages = [tmp_path / "report.html", tmp_path / "report.pdf"]
+        kept = open_service_study(tmp_path, plan, resume=resume)
+        for page in pages:
+            page.write_text("older")
+        write_service_study(tmp_path, plan, records)
+        kept.close()
+        assert not any(page.exists() for page in pages)
+        pages[0].write_text("of these results")
+        open_service_study(tmp_path, plan, resume=True).close()
+        assert pages[0].exists()  # nothing has been written yet
+        open_service_study(tmp_path, plan, resume=False).close()
+        assert not pages[0].exists()
+
+
+def record_as(digest: str, value: float | None) -> ServiceRecord:
+    values = dict.fromkeys(MEASURES, value)
+    return ServiceRecord(digest=digest, values=values, verdict="accepted", ended=None, doubts=[], cpu_s=0.0)
 
 
 def test_each_kind_of_doubt_is_said_with_the_runs_that_have_it(tmp_path: Path) -> None:
@@ -152,17 +244,7 @@ def test_a_folder_of_a_press_study_is_refused(tmp_path: Path) -> None:
 )
 def test_figure_takes_any_number_of_runs(tmp_path: Path, vary: tuple[str, ...]) -> None:
     plan = plan_study("wheelset", vary)
-    records = [
-        ServiceRecord(
-            digest=run.digest,
-            values={name: None if run.number == 2 else float(run.number) for name in MEASURES},
-            verdict="accepted",
-            ended=None,
-            doubts=[],
-            cpu_s=0.0,
-        )
-        for run in plan.runs
-    ]
+    records = [record_as(run.digest, None if run.number == 2 else float(run.number)) for run in plan.runs]
     assert write_service_figure(tmp_path / "a.png", plan, records).stat().st_size > 10_000
     seeds = as_seeds(plan)
     assert write_service_figure(tmp_path / "b.png", seeds, records * 3).stat().st_size > 10_000
