@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
 from ..base.cholmod import Factor, FactorError, NotDefiniteError, factor
+from ..base.extension import extend
 from ..errors import MeshError
 from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
@@ -167,30 +168,27 @@ class Body:
     def condense(self, *, load_trace: bool) -> CondensedBody:
         """Eliminate the bulk: one factorisation, no right-hand side.
 
-        The Schur complement on the trace, S = L L', has the rest o of its nodes before the loaded ones c:
-        C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
+        With the loaded nodes c last in K = L L', C_cc = (L_cc L_cc')^-1; what the other nodes of the trace do
+        follows from C_cc, see `extension`.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
         Raises:
             MeshError: K is not definite, or larger than this machine's memory.
         """
-        lines = len(self.line.nodes)
-        loaded = len(self.trace) if load_trace else lines
+        loaded = len(self.trace) if load_trace else len(self.line.nodes)
         self._fits(self.line.facets, 2 * len(self.trace))
-        trace = self.trace
-        last = np.concatenate([trace[loaded:], trace[:loaded]])
-        n = 2 * (len(trace) - loaded)
-        lower = self._factored(last).trailing_block()
-        inverse, _ = sla.lapack.dpotri(lower[n:, n:], lower=1)
+        own, others = self.trace[:loaded], self.trace[loaded:]
+        whole = self._factored(own)
+        inverse, _ = sla.lapack.dpotri(whole.trailing_block(), lower=1, overwrite_c=1)
         inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        held = self.supported[trace]
-        inverse[held[:loaded].ravel(), held[:loaded].ravel()] = 0.0  # 1 stands for a support, see `_factored`
-        blocks = np.zeros((2, len(trace), 2 * loaded))
+        held = self.supported[own].ravel()
+        inverse[held, held] = 0.0  # 1 stands for a support, see `_factored`
+        blocks = np.zeros((2, len(self.trace), 2 * loaded))
         blocks[:, :loaded] = by_component(inverse)
-        if n:
-            coupled = sla.blas.dtrsm(-1.0, lower[:n, :n], lower[n:, :n].T @ inverse, lower=1, trans_a=1)
-            blocks[:, loaded:] = by_component(coupled)
-        return CondensedBody(self.line, blocks.reshape(2 * len(trace), -1), self.dofs)
+        if len(others):
+            unknowns = (2 * others[:, None] + np.arange(2)).ravel()
+            blocks[:, loaded:] = by_component(extend(whole, unknowns, inverse))
+        return CondensedBody(self.line, blocks.reshape(2 * len(self.trace), -1), self.dofs)
 
     def _factored(self, last: IntArray | None = None) -> Factor:
         """The factor of K, the nodes ``last`` at its end; a supported unknown has 1 on its diagonal and nothing else.
