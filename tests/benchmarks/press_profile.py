@@ -39,7 +39,7 @@ def product(arguments: Any, _: Any) -> tuple[float, float]:
     """Operations and bytes of a band times a matrix: its blocks where the scale is not zero."""
     band, out, scale, dense = arguments
     rows, width = out.shape
-    worked = sum((a.stop - a.start) * (b.stop - b.start) for a, b in band.blocks if scale[a].any())
+    worked = sum((a.stop - a.start) * (b.stop - b.start) for a, b, _ in band.blocks if scale[a].any())
     return 2.0 * worked * width, WORD * (rows + dense.shape[0]) * width
 
 
