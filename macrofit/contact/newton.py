@@ -66,8 +66,8 @@ def newton(problem: Linear, friction: FloatArray, status: Status, kappa: FloatAr
     The law is piecewise linear, so that the step that keeps its status is exact; kappa, which depends weakly on the
     displacement, is taken from the step before. The changes of the traction then fall geometrically, and the last two
     say what is left: change * (change / change before); of a body so soft that kappa follows the traction more than
-    the traction kappa, the change of kappa's load says more. The answer's load is that of its last kappa. A status that comes back is a cycle: from then on repeated
-    ones change one moment at a time.
+    the traction kappa, the change of kappa's load says more. The answer's load is that of its last kappa. A status that
+    comes back is a cycle: from then on repeated ones change one moment at a time.
     """
     limit = limit or 100 + friction.size  # a front of slip or contact may move by a moment or two a step
     before, last, same = None, np.inf, 0
