@@ -70,4 +70,4 @@ def _panels(factor: Factor, rows: IntArray, interior: int) -> Iterator[tuple[int
     for k in np.flatnonzero(needed[:count])[::-1]:
         high, wide = begin[k + 1] - begin[k], min(first[k + 1], interior) - first[k]
         panel = values[place[k] : place[k] + high * wide].reshape(wide, high).T
-        yield int(first[k]), panel, index[begin[k] + wide : begin[k + 1]]
+        yield int(first[k]), panel, np.asarray(index[begin[k] + wide : begin[k + 1]], dtype=np.int64)

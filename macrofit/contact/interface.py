@@ -238,7 +238,7 @@ class _Rows:
         first = np.minimum(self.low[starts], self.high[-1] - width)
         place = rows * width + columns - first[rows // (together * self.moments)]
         flat = np.bincount(place, data, minlength=len(self.low) * self.moments * width)
-        return flat.reshape(-1, width), first
+        return np.asarray(flat.reshape(-1, width), dtype=np.float64), np.asarray(first)
 
 
 def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:

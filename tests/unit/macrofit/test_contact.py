@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from macrofit.base.arrays import FloatArray
 from macrofit.contact.law import LinearSolution, Status, classify
 from macrofit.contact.newton import SHARE, _left, newton
 from macrofit.contact.status import OPEN, SLIP, STICK
@@ -34,11 +35,11 @@ class Planted:
         self.off, self.factor, self.turned = off, factor, 1e-3
         self.contact: Any = self
 
-    def total(self, traction: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
         """The load where the pressure's axial share is tangential."""
-        return traction - traction[0] * kappa * np.array([[0.0], [1.0]])
+        return np.asarray(traction - traction[0] * kappa * np.array([[0.0], [1.0]]))
 
-    def solve(self, status: Status, kappa: np.ndarray, friction: np.ndarray) -> LinearSolution:
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         traction = np.array([[-10.0], [1.0]])
         trial = traction + np.array([[-self.off], [5.0]])
         self.turned *= self.factor

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from macrofit.base.arrays import IntArray
+from macrofit.base.arrays import FloatArray, IntArray
 from macrofit.base.cholmod import NotDefiniteError
 from macrofit.bodies.pieces import UNKNOWNS, condensed, divided
 
@@ -32,10 +32,10 @@ def plate(*, held: bool = True) -> tuple[sparse.csr_matrix, IntArray]:
     return sparse.csr_matrix(K), cells
 
 
-def wanted(K: sparse.csr_matrix, loaded: IntArray, others: IntArray) -> np.ndarray:
+def wanted(K: sparse.csr_matrix, loaded: IntArray, others: IntArray) -> FloatArray:
     inverse = np.linalg.inv(K.toarray())
     rows, columns = np.concatenate([loaded, others]), loaded
-    return inverse[np.ix_(np.r_[2 * rows, 2 * rows + 1], np.r_[2 * columns, 2 * columns + 1])]
+    return np.asarray(inverse[np.ix_(np.r_[2 * rows, 2 * rows + 1], np.r_[2 * columns, 2 * columns + 1])])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 22])
