@@ -20,10 +20,10 @@ import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
 from ..base.cholmod import SINGULAR, NotDefiniteError, factor
-from ..base.extension import extend
+from .extension import extend
 
 UNKNOWNS = 300
-"""Of the contact line in a piece: fewer make more cuts."""
+"""Unknowns of the contact line in a piece: fewer make more cuts."""
 
 
 @dataclass(frozen=True, kw_only=True)

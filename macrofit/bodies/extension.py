@@ -15,8 +15,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.linalg import blas
 
-from .arrays import FloatArray, IntArray
-from .cholmod import Factor
+from ..base.arrays import FloatArray, IntArray
+from ..base.cholmod import Factor
 
 COLUMNS = 512
 """Displacements that are extended at once: what is held of the interior stays near the processor."""

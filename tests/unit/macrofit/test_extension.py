@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from macrofit.base import extension
 from macrofit.base.cholmod import factor
+from macrofit.bodies import extension
 from tests.unit.base.test_cholmod import assert_close, lattice, unknowns
 
 LAST = {"few": [3, 40, 41, 99], "half": list(range(119, 0, -2)), "unordered": [80, 3, 119, 40, 0, 77, 12]}
