@@ -124,7 +124,9 @@ def condense_bodies(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body]) -> tu
         for name, body in bodies.items():
             if owner(comm, name) == comm.rank:
                 condensed[name] = body.condense(load_trace=name == "wheel" or bodies[name].stabilisation is not None)
-    axle, wheel = (comm.bcast(condensed.get(name), root=owner(comm, name)) for name in ("axle", "wheel"))
+    if comm.size > 1:  # alone, a broadcast would copy both compliances
+        condensed = {name: comm.bcast(condensed.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
+    axle, wheel = condensed["axle"], condensed["wheel"]
     return Seat(axle.line, scene.contact), axle, wheel
 
 

@@ -109,7 +109,7 @@ class Step:
 
 
 def first_guess(state: State, line: ContactLine, contact: ContactProblem, friction: FloatArray, moved: float) -> Status:
-    """The status before, facet by facet; sliding contact where the bore's same point was in contact before.
+    """The status before, moment by moment; sliding contact where the bore's same point was in contact before.
 
     A motion that turns around starts from stick; the first increment from contact wherever the gap is closed.
     """
@@ -118,7 +118,9 @@ def first_guess(state: State, line: ContactLine, contact: ContactProblem, fricti
     shift = moved if line.radial else 0.0
     there = np.searchsorted(line.coordinate, points - shift, side="right") - 1
     inside = (there >= 0) & (there < line.facets)
-    came = state.kind[..., np.where(inside, there, 0), :].max(axis=-1)
+    there = np.where(inside, there, 0)
+    half = 2 * (points - shift) > line.coordinate[there] + line.coordinate[there + 1]
+    came = state.kind[..., there, half * (state.kind.shape[-1] - 1)]
     fresh = (kind == OPEN) & (inside & (came != OPEN)).reshape(kind.shape)
     fresh |= ~state.pressure.any(axis=-1, keepdims=True) & (contact.coupling.gap < 0.0)
     kind = np.where(fresh, SLIP, kind)

@@ -8,11 +8,12 @@ adjacent cells, which the traction of the bulk stress depends on.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
@@ -26,6 +27,7 @@ from .fenics import Discretisation, discretise
 from .gauss import GaussPoints
 from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
 from .mesh import MeshData, mesh_drawing, read_mesh
+from .pieces import condensed, divided
 from .triangles import ordered_line
 
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
@@ -165,44 +167,46 @@ class Body:
         return (self.space.stiffness + extra).tocsr()
 
     def condense(self, *, load_trace: bool) -> CondensedBody:
-        """Eliminate the bulk: one factorisation, no right-hand side.
+        """Eliminate the bulk: no right-hand side, and pieces of the body where the line is long, see `pieces`.
 
-        The Schur complement on the trace, S = L L', has the rest o of its nodes before the loaded ones c:
-        C_cc = (L_cc L_cc')^-1 and C_oc = -L_oo'^-1 L_co' C_cc.
         With ``load_trace`` every trace node is loaded, otherwise those of the contact line only.
 
         Raises:
             MeshError: K is not definite, or larger than this machine's memory.
         """
-        lines = len(self.line.nodes)
-        loaded = len(self.trace) if load_trace else lines
+        loaded = len(self.trace) if load_trace else len(self.line.nodes)
         self._fits(self.line.facets, 2 * len(self.trace))
-        trace = self.trace
-        last = np.concatenate([trace[loaded:], trace[:loaded]])
-        n = 2 * (len(trace) - loaded)
-        lower = self._factored(last).trailing_block()
-        inverse, _ = sla.lapack.dpotri(lower[n:, n:], lower=1)
-        inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        held = self.supported[trace]
-        inverse[held[:loaded].ravel(), held[:loaded].ravel()] = 0.0  # 1 stands for a support, see `_factored`
-        blocks = np.zeros((2, len(trace), 2 * loaded))
-        blocks[:, :loaded] = by_component(inverse)
-        if n:
-            coupled = sla.blas.dtrsm(-1.0, lower[:n, :n], lower[n:, :n].T @ inverse, lower=1, trans_a=1)
-            blocks[:, loaded:] = by_component(coupled)
-        return CondensedBody(self.line, blocks.reshape(2 * len(trace), -1), self.dofs)
+        own, others = self.trace[:loaded], self.trace[loaded:]
+        middles = self.space.nodes[self.space.cells[:, :3], 1 if self.line.radial else 0].mean(axis=1)
+        piece = divided(self.line.coordinate, middles, 2 * loaded)
+        with self._definite():
+            compliance = condensed(self._supported_stiffness(), self.space.cells, piece, own, others)
+        held = np.flatnonzero(self.supported[own].T)
+        rows = held + (len(self.trace) - loaded) * (held >= loaded)
+        compliance[rows, held] = 0.0  # 1 stands for a support, see `_supported_stiffness`
+        return CondensedBody(self.line, compliance, self.dofs)
 
-    def _factored(self, last: IntArray | None = None) -> Factor:
-        """The factor of K, the nodes ``last`` at its end; a supported unknown has 1 on its diagonal and nothing else.
+    def _factored(self) -> Factor:
+        """The factor of K.
 
         Raises:
             MeshError: the body can move freely, theta / gamma0 took its coercivity, or the factor is too large.
         """
+        with self._definite():
+            return factor(self._supported_stiffness(), None, 2)
+
+    def _supported_stiffness(self) -> sp.csr_matrix:
+        """K where a supported unknown has 1 on its diagonal and nothing else."""
         free = sp.diags((~self.supported).ravel().astype(np.float64))
         held = sp.diags(self.supported.ravel().astype(np.float64))
+        return (free @ self.stiffness @ free + held).tocsr()
+
+    @contextmanager
+    def _definite(self) -> Iterator[None]:
+        """Count a factorisation; what prevents it is an error of the mesh."""
         self.factorisations += 1
         try:
-            return factor((free @ self.stiffness @ free + held).tocsr(), last, 2)
+            yield
         except NotDefiniteError:
             raise MeshError(
                 f"the stiffness of the {self.which} is not positive definite: check its supports, "
@@ -257,12 +261,6 @@ class Body:
         """The nodes of the axial support, and the rows of K that give its force."""
         nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
         return nodes, self.stiffness[2 * nodes + 1]
-
-
-def by_component(matrix: FloatArray) -> FloatArray:
-    """A matrix of nodes (2 a, 2 b) as (2, a, 2 b): the r components first, of rows and of columns."""
-    a, b = (size // 2 for size in matrix.shape)
-    return matrix.reshape(a, 2, b, 2).transpose(1, 0, 3, 2).reshape(2, a, 2 * b)
 
 
 def compile_form(order: int) -> None:

@@ -39,14 +39,19 @@ class Condensed:
         # [j, i][column, row]: component i of the approach of a row under component j of a unit force on a column;
         # the last rows and columns are for partly covered facets
         self._influence = np.zeros((2, 2, room, room))
-        nodes = np.arange(seat.loaded)
-        self.own_compliance = axle.compliance[np.concatenate([nodes, seat.line.trace_nodes + nodes])]
-        self._transposed = np.ascontiguousarray(axle.compliance.T)
-        influence = seat.full.load @ np.ascontiguousarray((seat.full.trial @ axle.compliance).T)
-        for j in range(2):
-            for i in range(2):
-                block = influence[j * size : (j + 1) * size, i * size : (i + 1) * size]
-                self._influence[j, i, :size, :size] = block
+        # (2, loaded nodes, 2, loaded nodes), a view: these matrices are large
+        by_component = axle.compliance.reshape(2, seat.line.trace_nodes, 2, seat.loaded)
+        self.own_compliance = by_component[:, : seat.loaded]
+        for i in range(2):
+            reach = np.ascontiguousarray((seat.full.trial[i * size : (i + 1) * size] @ axle.compliance).T)
+            for j in range(2):
+                self._influence[j, i, :size, :size] = seat.full.load[j * size : (j + 1) * size] @ reach
+
+    @property
+    def between_bore_nodes(self) -> FloatArray:
+        """The wheel's compliance by components (2, nodes, 2, nodes)."""
+        nodes = len(self.wheel.line.nodes)
+        return self.wheel.compliance.reshape(2, nodes, 2, nodes)
 
     def problem(self, contact: ContactProblem) -> CondensedProblem:
         """The linear problems of one increment; recomputes the influence of partly covered facets."""
@@ -67,8 +72,7 @@ class Condensed:
     def influence(self, contact: ContactProblem, rows: int) -> list[FloatArray]:
         """A' for component ``rows`` of all approaches, (n, n) for either component of the forces [mm/N]."""
         index, band = contact.covered.index, contact.coupling.bore
-        nodes = len(self.wheel.line.nodes)
-        compliance = self.wheel.compliance.reshape(2, nodes, 2, nodes)[:, band.span, :, band.span]
+        compliance = self.between_bore_nodes[:, band.span, :, band.span]
         n_r, n_z = contact.covered.normals.T
         frame = ((n_r, n_z), (-n_z, n_r))  # r and z components of the normal and the tangential direction
         spread = np.zeros((2, contact.moments, band.matrix.shape[1]))
@@ -88,7 +92,8 @@ class Condensed:
         spare = slice(size, size + k)
         reach = (partial.trial @ compliance).T
         rows = full.load @ reach
-        columns = (full.trial @ (partial.load @ self._transposed).T).T
+        nodes = np.unique(partial.load.indices)
+        columns = (full.trial @ (partial.load[:, nodes] @ compliance[:, nodes].T).T).T
         corner = partial.load @ reach
         for j in range(2):
             for i in range(2):
@@ -154,7 +159,7 @@ class CondensedProblem:
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
         seat_load, bore_load = self.contact.loads(answer.total)
-        return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
+        return _product(self.engine.own_compliance, seat_load), _product(self.engine.between_bore_nodes, bore_load)
 
     def _turn(self, total: FloatArray, *, stick: bool) -> None:
         """Follow a change of kappa, and so of tau to ``total`` [MPa], in the rows that the next residual needs."""
@@ -221,14 +226,13 @@ def _chosen(matrix: FloatArray, index: IntArray, size: int) -> FloatArray:
 
 
 def _product(matrix: FloatArray, load: FloatArray) -> FloatArray:
-    """matrix @ load of two components (2 n,), without the columns before the first and after the last load."""
+    """The matrix (2, n, 2, n) times a load (2 n,), without the columns before the first and after the last load."""
     loaded = np.flatnonzero(load.reshape(2, -1).any(axis=0))
     if not len(loaded):
-        return np.zeros(len(matrix))
+        return np.zeros(len(load))
     within = slice(int(loaded[0]), int(loaded[-1]) + 1)
     r, z = load.reshape(2, -1)[:, within]
-    blocks = matrix.reshape(len(matrix), 2, -1)
-    return np.asarray(blocks[:, 0, within] @ r + blocks[:, 1, within] @ z)
+    return np.concatenate([rows[:, 0, within] @ r + rows[:, 1, within] @ z for rows in matrix])
 
 
 def _product_within(matrix: FloatArray, span: slice, vector: FloatArray) -> FloatArray:

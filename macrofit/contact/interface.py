@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,39 +13,29 @@ from ..base.arrays import FloatArray, IntArray
 from ..bodies.body import ContactLine
 from .moments import GAUSS_X, CoveredFacets, Entries, covered_facets, entries, quadrature, shape
 
-_BLOCK = 16  # portions in a block of a Band
+_BLOCK = 8
+"""Portions in a block of a Band: fewer make more products of matrices, more fill them with zeros."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """A sparse matrix of moments whose entries lie along a band, as dense blocks of rows for products with matrices."""
+    """A sparse matrix of moments whose entries lie along a band: as rows for vectors, as dense blocks for matrices."""
 
-    matrix: FloatArray  # (n, columns of the span), zero outside the blocks
+    matrix: sp.csr_matrix  # (n, columns of the span)
     span: slice  # the columns that have entries lie within
-    blocks: tuple[tuple[slice, slice], ...]  # rows and columns of each, the latter counted from the span's first
+    blocks: tuple[tuple[slice, slice, FloatArray], ...]  # rows, columns counted from the span's first, and entries
+
+    @cached_property
+    def transposed(self) -> sp.csc_matrix:
+        """The matrix for loads."""
+        return self.matrix.T
 
     def add_product(self, out: FloatArray, scale: FloatArray, dense: FloatArray) -> None:
         """out (n, k) += scale * (matrix @ dense) for ``scale`` (n,), ``dense`` (span, k); skips zero blocks."""
-        live = np.logical_or.reduceat(scale != 0.0, [rows.start for rows, _ in self.blocks]).tolist()
-        for (rows, columns), needed in zip(self.blocks, live, strict=True):
+        live = np.logical_or.reduceat(scale != 0.0, [rows.start for rows, *_ in self.blocks]).tolist()
+        for (rows, columns, block), needed in zip(self.blocks, live, strict=True):
             if needed:
-                out[rows] += (scale[rows, None] * self.matrix[rows, columns]) @ dense[columns]
-
-    def spread(self, values: FloatArray) -> FloatArray:
-        """Values (..., n) of moments @ matrix, (..., span), block by block: of several runs in half of the time."""
-        flat = values.reshape(-1, values.shape[-1])
-        out = np.zeros((len(flat), self.matrix.shape[1]))
-        for rows, columns in self.blocks:
-            out[:, columns] += flat[:, rows] @ self.matrix[rows, columns]
-        return out.reshape(*values.shape[:-1], -1)
-
-    def gather(self, values: FloatArray, matrix: FloatArray) -> FloatArray:
-        """Values (..., span) @ matrix', (..., n), block by block, for this ``matrix`` or one with the same blocks."""
-        flat = values.reshape(-1, values.shape[-1])
-        out = np.empty((len(flat), len(matrix)))
-        for rows, columns in self.blocks:
-            out[:, rows] = flat[:, columns] @ matrix[rows, columns].T
-        return out.reshape(*values.shape[:-1], -1)
+                out[rows] += (scale[rows, None] * block) @ dense[columns]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +46,7 @@ class MortarCoupling:
     normals: FloatArray  # (p n, 2)
     nodes: int  # of the bore
     bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
-    slope: FloatArray  # (p n, span of the band): moments of its derivative along the bore
+    slope: sp.csr_matrix  # (p n, span of the band): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     axial_share_undeformed: (
         FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see `contact.law`
@@ -82,11 +73,8 @@ class MortarCoupling:
         components = np.empty(forces.shape)
         components[0], components[1] = n_r * forces[0] - n_z * forces[1], n_z * forces[0] + n_r * forces[1]
         loads = np.zeros((*forces.shape[:-1], self.nodes))
-        if forces.ndim > 2:
-            loads[..., self.bore.span] = self.bore.spread(components)
-            return loads
-        loads[:, self.bore.span] = components @ self.bore.matrix
-        return loads.ravel()
+        loads[..., self.bore.span] = _by_rows(self.bore.transposed, components)
+        return loads if forces.ndim > 2 else loads.ravel()
 
     def bore_slope(self, displacement: FloatArray) -> FloatArray:
         """n . du/ds (p n,), moments along the bore; (runs, p n) of (2, runs, bore nodes)."""
@@ -94,18 +82,25 @@ class MortarCoupling:
         n_r, n_z = self.normals_by_component
         return np.asarray(n_r * r + n_z * z)
 
-    def _on_line(self, matrix: FloatArray, displacement: FloatArray) -> FloatArray:
-        """The band's ``matrix`` on both components of a displacement, or of those of several runs."""
+    def _on_line(self, matrix: sp.csr_matrix, displacement: FloatArray) -> FloatArray:
+        """A band's ``matrix`` on both components of a displacement, or of those of several runs."""
         given = displacement.reshape(2, *displacement.shape[1:-1], self.nodes)[..., self.bore.span]
-        return given @ matrix.T if given.ndim == 2 else self.bore.gather(given, matrix)
+        return _by_rows(matrix, given)
 
     @property
     def bore_rows(self) -> sp.csr_matrix:
         """N as a sparse matrix (2 p n, 2 bore nodes)."""
-        matrix = np.zeros((len(self.normals), self.nodes))
-        matrix[:, self.bore.span] = self.bore.matrix
-        n_r, n_z = (sp.diags(self.normals[:, k]) @ sp.csr_matrix(matrix) for k in (0, 1))
+        narrow = self.bore.matrix
+        shape = (len(self.normals), self.nodes)
+        matrix = sp.csr_matrix((narrow.data, narrow.indices + self.bore.span.start, narrow.indptr), shape=shape)
+        n_r, n_z = (sp.diags(self.normals[:, k]) @ matrix for k in (0, 1))
         return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
+
+
+def _by_rows(matrix: sp.spmatrix, values: FloatArray) -> FloatArray:
+    """The products (..., n) of a matrix (n, m) with vectors (..., m), taken at once."""
+    products = matrix @ values.reshape(-1, values.shape[-1]).T
+    return np.asarray(products.T.reshape(*values.shape[:-1], -1))
 
 
 def couple_lines(seat: ContactLine, bore: ContactLine, travel: float, reach: float = np.inf) -> MortarCoupling | None:
@@ -183,15 +178,15 @@ def _coupling(
         axial_share_undeformed = bore.generatrix.slope(zeta) * normal[:, 0] + normal[:, 1]
     else:
         gap, axial_share_undeformed = (height + travel) * normal[:, 1], np.zeros_like(s)
-    size = (len(normals), span.stop - span.start)
+    bore_entries = entries(test, values, which, columns)
+    rows = _Rows.between(which, columns, test.shape[1])
+    matrix = rows.matrix(bore_entries)
     return MortarCoupling(
         portions=portions,
         normals=normals,
         nodes=len(bore.nodes),
-        bore=Band(
-            _dense_rows(entries(test, values, which, columns), size), span, _blocks(which, columns, test.shape[1])
-        ),
-        slope=_dense_rows(entries(test, slopes / extent[:, None], which, columns), size),
+        bore=Band(matrix, span, rows.blocks(bore_entries)),
+        slope=rows.matrix(entries(test, slopes / extent[:, None], which, columns), matrix),
         gap=_mean(test, gap, which, len(portions.facet)),
         axial_share_undeformed=_mean(test, axial_share_undeformed, which, len(portions.facet)),
         thermal_strain=bore.generatrix.thermal_strain,
@@ -199,21 +194,51 @@ def _coupling(
     )
 
 
-def _dense_rows(entries: Entries, shape: tuple[int, int]) -> FloatArray:
-    data, rows, columns = entries
-    flat = np.bincount(rows * shape[1] + columns, data, minlength=shape[0] * shape[1])
-    return np.asarray(flat.reshape(shape), dtype=np.float64)
+@dataclass(frozen=True)
+class _Rows:
+    """Where the entries of a band lie whose points come in ascending portions and columns."""
 
+    low: IntArray  # (p,) first column of each portion
+    high: IntArray  # (p,) one beyond its last
+    moments: int  # rows of a portion
 
-def _blocks(portion: IntArray, columns: IntArray, moments: int) -> tuple[tuple[slice, slice], ...]:
-    """Rows and columns of the blocks of a band whose points come in ascending portions and columns."""
-    count = int(portion[-1]) + 1
-    starts = np.arange(0, count, _BLOCK)
-    ends = np.minimum(starts + _BLOCK, count)
-    low = columns[np.searchsorted(portion, starts), 0]
-    high = columns[np.searchsorted(portion, ends) - 1, -1] + 1
-    rows = zip(starts * moments, ends * moments, low, high, strict=True)
-    return tuple((slice(a, b), slice(c, d)) for a, b, c, d in rows)
+    @classmethod
+    def between(cls, portion: IntArray, columns: IntArray, moments: int) -> _Rows:
+        """The rows for points (q,) of portions with entries in ``columns`` (q, b)."""
+        first = np.searchsorted(portion, np.arange(int(portion[-1]) + 2))
+        return cls(columns[first[:-1], 0], columns[first[1:] - 1, -1] + 1, moments)
+
+    def matrix(self, entries: Entries, other: sp.csr_matrix | None = None) -> sp.csr_matrix:
+        """The sum of the entries, by rows; of ``other`` entries at the same places the structure is shared."""
+        data, first = self._windows(entries, 1)
+        if other is not None:
+            out = copy(other)
+            out.data = data.ravel()
+            return out
+        width = data.shape[1]
+        indices = (np.repeat(first, self.moments)[:, None] + np.arange(width)).astype(np.int32)
+        starts = np.arange(0, data.size + 1, width, dtype=np.int32)
+        return sp.csr_matrix((data.ravel(), indices.ravel(), starts), shape=(len(data), int(self.high[-1])))
+
+    def blocks(self, entries: Entries) -> tuple[tuple[slice, slice, FloatArray], ...]:
+        """The sum of the entries, some portions at a time."""
+        data, first = self._windows(entries, _BLOCK)
+        height, width = _BLOCK * self.moments, data.shape[1]
+        stop = self.moments * len(self.low)
+        places = enumerate(first.tolist())
+        rows = ((slice(k * height, min((k + 1) * height, stop)), slice(low, low + width)) for k, low in places)
+        return tuple((own, columns, data[own]) for own, columns in rows)
+
+    def _windows(self, entries: Entries, together: int) -> tuple[FloatArray, IntArray]:
+        """The rows (n, w) with w columns each, the first of which is the same for ``together`` portions."""
+        data, rows, columns = entries
+        starts = np.arange(0, len(self.low), together)
+        last = np.minimum(starts + together, len(self.low)) - 1
+        width = int((self.high[last] - self.low[starts]).max())
+        first = np.minimum(self.low[starts], self.high[-1] - width)
+        place = rows * width + columns - first[rows // (together * self.moments)]
+        flat = np.bincount(place, data, minlength=len(self.low) * self.moments * width)
+        return np.asarray(flat.reshape(-1, width), dtype=np.float64), np.asarray(first)
 
 
 def _mean(test: FloatArray, values: FloatArray, which: IntArray, count: int) -> FloatArray:

@@ -106,7 +106,7 @@ class Lockstep:
     def displacements(self, answer: LinearSolution) -> tuple[FloatArray, FloatArray]:
         """Displacements of the axle's loaded nodes and of the bore's nodes [mm]."""
         seat_load, bore_load = self.contact.loads(answer.total)
-        return _product(self.engine.own_compliance, seat_load), _product(self.engine.wheel.compliance, bore_load)
+        return _product(self.engine.own_compliance, seat_load), _product(self.engine.between_bore_nodes, bore_load)
 
     def _move_to(self, traction: FloatArray, status: Status, kappa: FloatArray) -> None:
         """Follow the traction in the rows of the response that the next correction needs."""
@@ -162,10 +162,10 @@ def _within(traction: FloatArray, status: Status, friction: FloatArray) -> Float
 
 
 def _product(matrix: FloatArray, loads: FloatArray) -> FloatArray:
-    """matrix @ load for loads (2, runs, n), without the columns before the first and after the last of them."""
+    """The matrix (2, n, 2, n) times loads (2, runs, n), without columns before the first and after the last load."""
     loaded = np.flatnonzero(loads.any(axis=(0, 1)))
     within = slice(int(loaded[0]), int(loaded[-1]) + 1) if len(loaded) else slice(0)
-    blocks = matrix.reshape(2, len(matrix) // 2, 2, -1)[..., within]
+    blocks = matrix[..., within]
     r, z = _filled(loads[..., within])
     return np.stack([(r @ blocks[i, :, 0].T + z @ blocks[i, :, 1].T)[: loads.shape[1]] for i in (0, 1)])
 

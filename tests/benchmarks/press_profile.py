@@ -1,11 +1,12 @@
 """Where does the time of a press-fit go, and how far is each cost from its floor?
 
-    python -m tests.benchmarks press_profile [--quick] [--figure FILE]
+    python -m tests.benchmarks press_profile [--quick] [--preset NAME] [--figure FILE]
 
-A warm run of `wheelset` on uniform friction. For each stage: CPU seconds (median of repeats), its share, operations and
-bytes counted from the shapes of its arrays, the floor max(operations / rate of dgemm, bytes / rate of daxpy) at the
-rates of this machine measured in this run, and the time over the floor. Below one: the arrays stay in the cache,
-where daxpy's do not. Stages without a floor sort, search, mesh or are Python itself.
+A warm run of `wheelset` on uniform friction, with the mesh of a preset if one is named. For each stage: CPU seconds
+(median of repeats), its share, operations and bytes counted from the shapes of its arrays, the floor
+max(operations / rate of dgemm, bytes / rate of daxpy) at the rates of this machine measured in this run, and the time
+over the floor. Below one: the arrays stay in the cache, where daxpy's do not. Stages without a floor sort, search,
+mesh or are Python itself.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ import numpy as np
 import scipy.linalg as sla
 
 from macrofit import assembly, press, stress
-from macrofit.bodies import body
+from macrofit.bodies import body, pieces
 from macrofit.bodies.body import Body
 from macrofit.bodies.stress import StressEvaluator
 from macrofit.contact import condensed
 from macrofit.contact.condensed import Condensed, CondensedProblem
 from macrofit.contact.interface import Band
+from macrofit.presets import PRESETS
 from macrofit.press import Press
 from macrofit.scene import Scene, load_scene
 from macrofit.solve import solve
@@ -39,7 +41,7 @@ def product(arguments: Any, _: Any) -> tuple[float, float]:
     """Operations and bytes of a band times a matrix: its blocks where the scale is not zero."""
     band, out, scale, dense = arguments
     rows, width = out.shape
-    worked = sum((a.stop - a.start) * (b.stop - b.start) for a, b in band.blocks if scale[a].any())
+    worked = sum((a.stop - a.start) * (b.stop - b.start) for a, b, _ in band.blocks if scale[a].any())
     return 2.0 * worked * width, WORD * (rows + dense.shape[0]) * width
 
 
@@ -50,7 +52,7 @@ def stages(scene: Scene) -> list[Cost]:
         return float(len(arguments[0]))
 
     def vector(arguments: Any, _: Any) -> float:  # entries of the compliance that a product reads
-        return float(arguments[0].shape[0] * np.count_nonzero(arguments[1]))
+        return float(arguments[1].size * np.count_nonzero(arguments[1]))
 
     def moments(arguments: Any, _: Any) -> tuple[float, float]:
         contact = arguments[0].contact
@@ -58,8 +60,8 @@ def stages(scene: Scene) -> list[Cost]:
         return float(contact.moments), float(span.stop - span.start)
 
     watched = {
-        "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"), "schur": (Body, "_factored"),
-        "inverse": (sla.lapack, "dpotri", size),
+        "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"),
+        "piece": (pieces, "_piece"), "cuts": (pieces, "_between"),
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
         "pair": (press, "couple_lines"), "influence": (Condensed, "influence"), "band": (Band, "add_product", product),
@@ -76,7 +78,6 @@ def stages(scene: Scene) -> list[Cost]:
         started = time.process_time()
         solution = solve(scene)
         whole = time.process_time() - started
-    n3, n2 = (sum(n**power for n in w["inverse"].notes) for power in (3, 2))
     lu3, lu2 = sum(n**3 for n in w["lu"].notes), sum(n**2 for n in w["lu"].notes)
     flops, moved = (sum(note[k] for note in w["band"].notes) for k in (0, 1))
     pairs = 4.0 * sum(n**2 + m**2 for n, m in w["respond"].notes)  # entries of the axle's and the wheel's compliance
@@ -85,9 +86,9 @@ def stages(scene: Scene) -> list[Cost]:
     out = [
         Cost("set-up: meshes (gmsh)", t["mesh"]),
         Cost("set-up: spaces and matrices (dolfinx)", t["assembly"] - t["mesh"]),
-        Cost("set-up: factors (CHOLMOD)", t["schur"]),
-        Cost("set-up: their compliances", t["inverse"], n3 / 3.0, WORD * n2),
-        Cost("set-up: condensing, rest", t["condense"] - t["schur"] - t["inverse"]),
+        Cost("set-up: pieces of the bodies (CHOLMOD)", t["piece"]),
+        Cost("set-up: compliance between their cuts", t["cuts"]),
+        Cost("set-up: condensing, rest", t["condense"] - t["piece"] - t["cuts"]),
         Cost("set-up: influence of whole facets", t["engine"]),
         Cost("increments: pairing of the lines", t["pair"]),
         Cost("increments: wheel's influence, products", t["band"], flops, moved),
@@ -98,7 +99,7 @@ def stages(scene: Scene) -> list[Cost]:
         Cost("increments: Newton's steps, rest", t["newton"] - t["matrix"] - t["lu"] - t["respond"]),
         Cost("increments: displacements", t["vector"], 2.0 * read, WORD * read),
         Cost("increments: trials, rest", t["trial"] - t["pair"] - t["newton"] - t["vector"]),
-        Cost("stresses: solutions (CHOLMOD)", t["back"]),
+        Cost("stresses: factors and solutions (CHOLMOD)", t["back"]),
         Cost("stresses: from displacements", t["stress"], 2.0 * entries),
         Cost("stresses: von Mises", t["von_mises"], 3.0 * equivalent, WORD * equivalent),
         Cost("stresses: rest", t["stresses"] - t["back"] - t["stress"] - t["von_mises"]),
@@ -111,10 +112,11 @@ def main(words: Sequence[str]) -> int:
     """Print the table, draw the figure."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks press_profile", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a coarse mesh, few increments, once")
+    parser.add_argument("--preset", choices=list(PRESETS), help="mesh of this preset")
     parser.add_argument("--figure", type=Path)
     options = parser.parse_args(words)
     small = ["mesh.seat_facet=5", "motion.travel=40", "motion.increment=5"] if options.quick else []
-    scene = load_scene("wheelset", small)
+    scene = load_scene("wheelset", [*small, *([f"preset={options.preset}"] if options.preset else [])])
     machine = rates(400 if options.quick else 2000, 2**20 if options.quick else 2**25)
     costs = medians(1 if options.quick else 5, lambda: stages(scene))
     whole = sum(cost.seconds for cost in costs)

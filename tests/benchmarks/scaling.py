@@ -11,10 +11,11 @@
 - study: runs with different friction, a short push, facets of 5 mm, files and figures included
 - ranks: the whole push on 1, 2 and 4 processes (more than there may be cores): do they agree?
 
-Times are CPU times of a warm process, memory is the largest of the process. Condensing is of the third power of the
-contact line's nodes where they rule and of the bulk's unknowns to about 1.2 where these do; an increment is of the
-second power of the moments in contact to fill its matrix, and of the third to factor it. Facets below 0.25 mm are left
-out: the compliance between all nodes and moments of the contact lines is dense, and its memory grows with the square.
+Times are CPU times of a warm process, memory is the largest of the process. Condensing is of the second power of the
+contact line's nodes where they rule, for pieces of the body are condensed one by one, and of the bulk's unknowns to
+about 1.2 where these do; new memory, of the second power as well, is a third of the largest set-up. An increment is of
+the second power of the moments in contact to fill its matrix, and of the third to factor it. Facets below 0.25 mm are
+left out: the compliance between all nodes and moments of the contact lines is dense.
 """
 
 from __future__ import annotations

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from macrofit.base.arrays import FloatArray
 from macrofit.contact.law import LinearSolution, Status, classify
-from macrofit.contact.newton import SHARE, newton
+from macrofit.contact.newton import SHARE, _left, newton
 from macrofit.contact.status import OPEN, SLIP, STICK
 
 
@@ -30,8 +33,13 @@ class Planted:
 
     def __init__(self, off: float, factor: float) -> None:
         self.off, self.factor, self.turned = off, factor, 1e-3
+        self.contact: Any = self
 
-    def solve(self, status: Status, kappa: np.ndarray, friction: np.ndarray) -> LinearSolution:
+    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
+        """The load where the pressure's axial share is tangential."""
+        return np.asarray(traction - traction[0] * kappa * np.array([[0.0], [1.0]]))
+
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
         traction = np.array([[-10.0], [1.0]])
         trial = traction + np.array([[-self.off], [5.0]])
         self.turned *= self.factor
@@ -48,6 +56,24 @@ def slipping(problem: Planted) -> tuple[bool, float]:
 def test_status_that_stays_is_no_answer_while_the_law_is_broken(off: float, *, converged: bool) -> None:
     """A solve too ill-conditioned for its own trial keeps traction and status all the same."""
     assert slipping(Planted(off, 0.1))[0] == converged
+
+
+def test_the_load_of_an_answer_is_that_of_its_own_kappa() -> None:
+    """The last solve loaded the bodies one kappa late; the force, a sum of the load, must not be late as well."""
+    problem = Planted(0.0, 0.1)
+    status = Status(np.array([SLIP], dtype=np.int8), np.array([1], dtype=np.int8))
+    answer = newton(problem, np.array([0.1]), status, np.zeros(1), 40).answer
+    assert problem.turned > 0.0
+    assert answer.total.tolist() == problem.total(answer.traction, answer.kappa).tolist()
+
+
+def test_what_is_left_of_an_error_is_not_less_than_said() -> None:
+    """Changes that fall by 1e-3: at one status the factor is believed, doubled; after a change of status it is not."""
+    assert _left(1e-8, 1e-5, same=True) == pytest.approx(2e-11)
+    assert _left(1e-8, 1e-5, same=False) == pytest.approx(1e-10)
+    assert _left(1e-8, 1e-1, same=True) == pytest.approx(2e-11)  # no smaller factor is believed
+    assert _left(1e-8, 1.5e-8, same=True) == 1e-8
+    assert _left(1e-8, np.inf, same=True) == 1e-8
 
 
 def test_loads_follow_kappa_before_it_is_an_answer() -> None:
