@@ -12,7 +12,7 @@ import numpy as np
 from macrofit.base.arrays import BoolArray
 
 from ..data.samples import select_samples
-from .errors import coverage, relative_errors, slope_r2
+from .errors import coverage, coverage_interval, relative_errors, slope_r2
 from .measured import MeasuredPairs
 from .predicted import PredictedPairs
 
@@ -53,20 +53,29 @@ def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The report for a reader."""
     if not parts:
         return []
-    head = ("pairs", "error", "std.err.", "floor", "beyond", "over mean", "90 %", "R2 of b")
+    head = ("pairs", "error", "std.err.", "floor", "beyond", "over mean", "90 %", "from few", "R2 of b")
     lines = ["", f"{'part [%]':24}" + "".join(f"{name:>10}" for name in head)]
     for name, row in parts.items():
         shares = [row[name] for name in SHARES]
         r2 = "-" if row["r2_b"] is None else f"{row['r2_b']:.3f}"
         lines.append(
-            f"  {name:22}{row['pairs']:10d}" + "".join(f"{100 * share:10.2f}" for share in shares) + f"{r2:>10}"
+            f"  {name:22}{row['pairs']:10d}"
+            + "".join(f"{100 * share:10.2f}" for share in shares)
+            + f"{interval_text(row):>10}{r2:>10}"
         )
     return [
         *lines,
         f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named; floor: what "
         "the few packings leave to chance; beyond: root of error^2 - floor^2; over mean: of all pairs over the mean "
-        "coefficient of all, for single rough pairs have coefficients near zero",
+        "coefficient of all, for single rough pairs have coefficients near zero; from few: what share of all pairs may "
+        "lie inside the stated 90 %, by so many pairs (95 %)",
     ]
+
+
+def interval_text(row: Mapping[str, Any]) -> str:
+    """Where the share inside the stated 90 % may lie, judged by so few pairs [%]."""
+    low, high = row["coverage_interval"]
+    return f"{100.0 * low:.0f}-{100.0 * high:.0f}"
 
 
 def _parts(heights: Any, pressures: Any, kinds: Sequence[Any]) -> Iterator[tuple[str, BoolArray]]:
@@ -106,6 +115,7 @@ def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
     """
     of_mean, mean = relative_errors(data, predicted)[1].mean(1), data.meso.mean(1)
     error, floor = float(of_mean.mean()), float(data.noise_floor.mean() / np.sqrt(data.packings))
+    inside = float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan")
     return {
         "pairs": len(data.meso),
         "error": error,
@@ -113,6 +123,7 @@ def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
         "floor": floor,
         "error_beyond_floor": float(np.sqrt(np.maximum(error**2 - floor**2, 0.0))),
         "error_over_mean": float(np.abs(predicted.mean.mean(1) - mean).sum() / np.abs(mean).sum()),
-        "coverage_90": float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan"),
+        "coverage_90": inside,
+        "coverage_interval": coverage_interval(inside, len(data.meso)),
         "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,
     }

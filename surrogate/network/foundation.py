@@ -77,7 +77,7 @@ class Foundation(nn.Module):
         stride, row = rows // (self.positions - 1), wheel.shape[2]
         face, track = wheel.flatten(1), axle.flatten(1)
         nodes = face.shape[1]  # G
-        shares = torch.from_numpy(node_shares(row)).to(face) if self.trapezoid else None
+        shares = torch.from_numpy(node_shares(rows + 1, row)).to(face) if self.trapezoid else None
         sums = [face + track[:, at : at + nodes] for at in range(0, rows * row + 1, stride * row)]  # S of (P, G)
         loads = face.new_full((len(face),), self.load) if load is None else load  # (P,)
         none = constant_force is None or not bool(constant_force.any())

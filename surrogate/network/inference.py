@@ -240,7 +240,7 @@ def slide_foundations(
     stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
     face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
     nodes = face.shape[1]
-    shares = node_shares(row) if options.trapezoid else None
+    shares = node_shares(wheel.shape[1], row) if options.trapezoid else None
 
     def slid(places: Sequence[int], *, free: bool) -> SlideNumbers:
         area = room[: 2 * len(places) * pairs * nodes].reshape(2, len(places), pairs, nodes)
@@ -297,15 +297,16 @@ class Touch(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def node_shares(points: int) -> Single:
-    """Cells of the grid that each node of a face stands for, (points^2,): 1, on an edge 1/2, in a corner 1/4.
+def node_shares(along: int, across: int) -> Single:
+    """Cells of the grid that each node of a face stands for, (along x across,): 1, on an edge 1/2, in a corner 1/4.
 
     So sums over the nodes are integrals by the trapezoid rule. With whole cells all around the border counts double,
     and where few nodes touch, as on rough faces, its peaks carry too much.
     """
-    along = np.ones(points, dtype=np.float32)
-    along[[0, -1]] = 0.5
-    return np.outer(along, along).ravel()
+    sides = [np.ones(points, dtype=np.float32) for points in (along, across)]
+    for side in sides:
+        side[[0, -1]] = 0.5
+    return np.outer(*sides).ravel()
 
 
 def touched(sums: HeightArray, height: FloatArray, work: Single, shares: Single | None = None) -> Touch:
