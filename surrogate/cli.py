@@ -129,7 +129,7 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
 )  # fmt: skip
 @click.option(
     "--pressure", callback=numbers(float, 2), metavar="LOW,HIGH",
-    help="Range of the pressure before the slide [MPa], log-uniform [that of the plates, or 20,520 of the wide design].",
+    help="Range of the pressure before the slide [MPa], log-uniform [the plates', or 20,520 of the wide design].",
 )  # fmt: skip
 @click.option("--packings", type=int, default=1, show_default=True, help="Of the same pair of surfaces.")
 @click.option("--first-surface", type=int, default=0, show_default=True, help="Seed of the first pair's surfaces.")

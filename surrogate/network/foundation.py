@@ -113,7 +113,9 @@ class Foundation(nn.Module):
         for at, height in zip(sums, heights, strict=True):
             overlap = (at - height).relu_()  # (P, G)
             loads.append(sum_of_nodes(overlap, shares) * (stiffness * area / nodes))
-            energies.append(torch.linalg.vector_norm(overlap * roots, dim=1).square() * (0.5 * stiffness * area / nodes))
+            energies.append(
+                torch.linalg.vector_norm(overlap * roots, dim=1).square() * (0.5 * stiffness * area / nodes)
+            )
         load, energy = trapezoid_mean(loads), trapezoid_mean(energies)  # (P,)
         lifted = start * (heights[-1] - heights[0])[:, 0]
         held = torch.maximum(load, 0.05 * start)

@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks surrogate_range [--quick]
 
-The shipped network on unseen pairs of the wide design that come with the package, on more pairs of its rough part, three
-packings of spheres each, and on nine packings of pairs of its roughest. Error: mean relative error against the mean over the packings, micro coefficients from
-0.05 on where none is named. Floor: what so few packings leave to chance. Beyond: root of error^2 - floor^2, the
-network's own part of the error. Over mean: error of all pairs over their mean coefficient. From few pairs: where the
-share of all pairs inside the stated 90 % lies (95 %), judged by so few.
+The shipped network on unseen pairs of the wide design that come with the package, on more pairs of its rough part,
+three packings of spheres each, and on nine packings of pairs of its roughest. Error: mean relative error against the
+mean over the packings, micro coefficients from 0.05 on where none is named. Floor: what so few packings leave to
+chance. Beyond: root of error^2 - floor^2, the network's own part of the error. Over mean: error of all pairs over their
+mean coefficient. From few pairs: where the share of all pairs inside the stated 90 % lies (95 %), judged by so few.
 """
 
 from __future__ import annotations
