@@ -268,11 +268,26 @@ def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     doubtful, settled = parts["doubtful"], parts["settled"]
     assert (doubtful["pairs"], settled["pairs"]) == (10, 50)
     assert (doubtful["error"], settled["error"]) == pytest.approx((0.03, (20 * 0.03 + 30 * 0.01) / 50))
+    tests = parts["settled tests"]
+    assert (tests["pairs"], tests["floor"]) == (60, pytest.approx(found["all"]["floor"], rel=0.1))
     assert found["all"]["standard_error"] == pytest.approx(0.01 / np.sqrt(59.0))
     assert found["all"]["floor"] == pytest.approx(SCATTER * np.sqrt(2.0 / np.pi) / np.sqrt(PACKINGS), rel=0.15)
     assert found["all"]["error_over_mean"] == pytest.approx(0.02, rel=0.05)
     assert len(parts_lines(parts)) == len(parts) + 3
     assert parts_report(DATA, TRUE) == {}  # all at one pressure
+
+
+def test_of_a_pair_the_settled_tests_are_judged_by_themselves() -> None:
+    """One packing of every third pair is doubtful and far off: an error of all tests, not of the settled ones."""
+    remark, meso = np.zeros_like(SAMPLES.remark), SAMPLES.meso_friction.copy()
+    remark[:: 3 * PACKINGS], meso[:: 3 * PACKINGS] = b"x", 1.5 * meso[:: 3 * PACKINGS]
+    pressure = np.linspace(20.0, 200.0, len(SAMPLES))
+    data = arrange_tests(replace(SAMPLES, remark=remark, meso_friction=meso, pressure=pressure))
+    right = arrange_tests(SAMPLES).meso.mean(1)
+    parts = parts_report(data, PredictedPairs("right", data.spread_out(right), 0.05 * data.spread_out(right)))
+    assert parts["all"]["error"] > 0.03
+    assert parts["settled tests"]["error"] < 0.01
+    assert parts["settled tests"]["coverage_90"] > parts["all"]["coverage_90"] + 0.05
 
 
 def test_what_few_packings_leave_to_chance_is_no_error_of_the_network() -> None:
