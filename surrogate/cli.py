@@ -127,6 +127,10 @@ def count_or_coefficients(context: click.Context, option: click.Parameter, text:
     "--hurst", callback=numbers(float, 2), metavar="LOW,HIGH",
     help="Hurst exponent, uniform [0.5,1.0, or the preset's].",
 )  # fmt: skip
+@click.option(
+    "--pressure", callback=numbers(float, 2), metavar="LOW,HIGH",
+    help="Range of the pressure before the slide [MPa], log-uniform [the plates', or 20,520 of the wide design].",
+)  # fmt: skip
 @click.option("--packings", type=int, default=1, show_default=True, help="Of the same pair of surfaces.")
 @click.option("--first-surface", type=int, default=0, show_default=True, help="Seed of the first pair's surfaces.")
 @click.option("--first-packing", type=int, default=0, show_default=True, help="First of the 256 seeds of packings.")
@@ -142,6 +146,7 @@ def generate(
     quiet: bool,
     max_height: tuple[float, ...] | None,
     hurst: tuple[float, ...] | None,
+    pressure: tuple[float, ...] | None,
     pairs: int,
     **options: Any,
 ) -> None:
@@ -160,7 +165,7 @@ def generate(
         from .data.monitor import on_screen
         from .data.sample import design_on_preset, plate_settings
 
-        ranges = {"max_height": max_height, "hurst_exponent": hurst}
+        ranges = {"max_height": max_height, "hurst_exponent": hurst, "pressure": pressure}
         both = {name: given and (given[0], given[-1]) for name, given in ranges.items()}
         drawn = design_on_preset(preset, design, **both, **options)
         changes = [*SETTINGS_OF_DESIGN[design], *([] if spheres is None else [f"plates.spheres={spheres}"]), *overrides]

@@ -88,7 +88,7 @@ class Design(msgspec.Struct, frozen=True, kw_only=True):
         if not 0.0 <= self.hurst_exponent[0] <= self.hurst_exponent[1] <= 1.0:
             raise DesignError(f"--hurst = {self.hurst_exponent}: take two exponents, 0 <= the lower <= the upper <= 1")
         if self.pressure is not None and not 0.0 < self.pressure[0] <= self.pressure[1]:
-            raise DesignError(f"pressure = {self.pressure}: take two pressures in MPa, 0 < the lower <= the upper")
+            raise DesignError(f"--pressure = {self.pressure}: take two pressures in MPa, 0 < the lower <= the upper")
         if not 0.0 <= self.with_lay <= 1.0:
             raise DesignError(f"with_lay = {self.with_lay}: take a share, 0 ... 1")
         if not self.levels or not all(1 <= level <= FINEST_LEVEL for level in self.levels):

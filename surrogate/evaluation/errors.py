@@ -20,6 +20,9 @@ from ..network.score import QUANTILE_90
 from .measured import MeasuredPairs
 from .predicted import PredictedPairs
 
+QUANTILE_975 = 1.96
+"""Half the width of the interval that holds 95 % of a normal distribution [standard deviations]."""
+
 
 def relative_errors(data: MeasuredPairs, predicted: PredictedPairs) -> tuple[FloatArray, FloatArray]:
     """Relative errors against each packing (n, p, k), and of the mean over packings against theirs (n, k)."""
@@ -50,3 +53,13 @@ def coverage(data: MeasuredPairs, predicted: PredictedPairs) -> FloatArray:
     assert predicted.spread is not None
     inside = np.abs(predicted.mean - data.meso) <= QUANTILE_90 * predicted.spread
     return np.asarray(inside.mean(axis=(0, 1)))
+
+
+def coverage_interval(share: float, pairs: int) -> tuple[float, float]:
+    """Where the share of all pairs lies (95 %), if this one [-] was found of so many: the interval of Wilson (1927).
+
+    Each pair counts once: its packings share the error of the network, so they are no independent draws.
+    """
+    z2 = QUANTILE_975**2 / pairs
+    middle, half = share + 0.5 * z2, float(np.sqrt(share * (1.0 - share) * z2 + 0.25 * z2**2))
+    return (middle - half) / (1.0 + z2), (middle + half) / (1.0 + z2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ import numpy as np
 from macrofit.base.arrays import BoolArray
 
 from ..data.samples import select_samples
-from .errors import coverage, relative_errors, slope_r2
+from ..network.score import QUANTILE_90
+from .errors import coverage, coverage_interval, relative_errors, slope_r2
 from .measured import MeasuredPairs
 from .predicted import PredictedPairs
 
@@ -26,6 +27,8 @@ SHARES = "error", "standard_error", "floor", "error_beyond_floor", "error_over_m
 """What is told of a part in per cent."""
 FEWEST = 4
 """Pairs from which a part is told."""
+FEWEST_TESTS = 2
+"""Packings from which a pair has a mean with a floor."""
 
 
 def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, dict[str, Any]]:
@@ -33,6 +36,7 @@ def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, di
 
     Errors are against the mean over packings, at micro coefficients from `FROM` on. A pair is doubtful where the plates
     found no equilibrium with one of its packings and were slid at a speed instead: no network learns from such tests.
+    Where settled tests are named, pairs are judged by their other packings.
     """
     first = select_samples(data.samples, np.arange(0, len(data.samples), data.packings))
     if not np.ptp(first.pressure):
@@ -43,6 +47,14 @@ def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, di
     for name, rows in _parts(first.max_height, first.pressure, kinds):
         if rows.sum() >= FEWEST:
             found[name] = _measures(*_taken(data, predicted, rows, data.micro >= FROM))
+    settled = (data.samples.remark == b"").reshape(-1, data.packings)
+    for name, rows in (
+        ("settled tests", first.max_height > 0.0),
+        ("R from 50 µm, settled tests", first.max_height >= HEIGHTS[-2]),
+    ):
+        some = rows & (settled.sum(axis=1) >= FEWEST_TESTS)
+        if some.sum() >= FEWEST:
+            found[name] = _measures_of_tests(*_taken(data, predicted, some, data.micro >= FROM), settled[some])
     every = np.ones(len(first), dtype=np.bool_)
     for micro in data.micro:
         found[f"micro {micro:g}"] = _measures(*_taken(data, predicted, every, data.micro == micro))
@@ -53,20 +65,29 @@ def parts_lines(parts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The report for a reader."""
     if not parts:
         return []
-    head = ("pairs", "error", "std.err.", "floor", "beyond", "over mean", "90 %", "R2 of b")
-    lines = ["", f"{'part [%]':24}" + "".join(f"{name:>10}" for name in head)]
+    head = ("pairs", "error", "std.err.", "floor", "beyond", "over mean", "90 %", "from few", "R2 of b")
+    lines = ["", f"{'part [%]':30}" + "".join(f"{name:>10}" for name in head)]
     for name, row in parts.items():
         shares = [row[name] for name in SHARES]
         r2 = "-" if row["r2_b"] is None else f"{row['r2_b']:.3f}"
         lines.append(
-            f"  {name:22}{row['pairs']:10d}" + "".join(f"{100 * share:10.2f}" for share in shares) + f"{r2:>10}"
+            f"  {name:28}{row['pairs']:10d}"
+            + "".join(f"{100 * share:10.2f}" for share in shares)
+            + f"{interval_text(row):>10}{r2:>10}"
         )
     return [
         *lines,
         f"errors against the mean over packings, micro coefficients from {FROM:g} on where none is named; floor: what "
         "the few packings leave to chance; beyond: root of error^2 - floor^2; over mean: of all pairs over the mean "
-        "coefficient of all, for single rough pairs have coefficients near zero",
+        "coefficient of all, for single rough pairs have coefficients near zero; from few: what share of all pairs may "
+        "lie inside the stated 90 %, by so many pairs (95 %)",
     ]
+
+
+def interval_text(row: Mapping[str, Any]) -> str:
+    """Where the share inside the stated 90 % may lie, judged by so few pairs [%]."""
+    low, high = row["coverage_interval"]
+    return f"{100.0 * low:.0f}-{100.0 * high:.0f}"
 
 
 def _parts(heights: Any, pressures: Any, kinds: Sequence[Any]) -> Iterator[tuple[str, BoolArray]]:
@@ -99,6 +120,30 @@ def _taken(
     return taken, replace(predicted, mean=predicted.mean[some], spread=spread)
 
 
+def _measures_of_tests(data: MeasuredPairs, predicted: PredictedPairs, kept: BoolArray) -> dict[str, Any]:
+    """The same as `_measures` from some of the packings (n, p) of each pair, which may differ in number."""
+    counts, meso = kept.sum(axis=1)[:, None], np.where(kept[:, :, None], data.meso, np.nan)
+    mean = np.nanmean(meso, axis=1)
+    apart = np.nanmean([np.abs(meso[:, i] - meso[:, j]) for i, j in combinations(range(kept.shape[1]), 2)], axis=0)
+    wrong = np.abs(predicted.mean.mean(1) - mean)
+    of_mean = (wrong / np.abs(mean)).mean(axis=1)
+    error, floor = of_mean.mean(), (apart / np.sqrt(2.0 * counts) / np.abs(mean)).mean()
+    inside = float("nan")
+    if predicted.spread is not None:
+        inside = float((np.abs(predicted.mean - data.meso) <= QUANTILE_90 * predicted.spread)[kept].mean())
+    return {
+        "pairs": len(data.meso),
+        "error": float(error),
+        "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
+        "floor": float(floor),
+        "error_beyond_floor": float(np.sqrt(max(error**2 - floor**2, 0.0))),
+        "error_over_mean": float(wrong.sum() / np.abs(mean).sum()),
+        "coverage_90": inside,
+        "coverage_interval": coverage_interval(inside, len(data.meso)),
+        "r2_b": None,
+    }
+
+
 def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
     """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b.
 
@@ -106,6 +151,7 @@ def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
     """
     of_mean, mean = relative_errors(data, predicted)[1].mean(1), data.meso.mean(1)
     error, floor = float(of_mean.mean()), float(data.noise_floor.mean() / np.sqrt(data.packings))
+    inside = float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan")
     return {
         "pairs": len(data.meso),
         "error": error,
@@ -113,6 +159,7 @@ def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
         "floor": floor,
         "error_beyond_floor": float(np.sqrt(np.maximum(error**2 - floor**2, 0.0))),
         "error_over_mean": float(np.abs(predicted.mean.mean(1) - mean).sum() / np.abs(mean).sum()),
-        "coverage_90": float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan"),
+        "coverage_90": inside,
+        "coverage_interval": coverage_interval(inside, len(data.meso)),
         "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,
     }

@@ -54,14 +54,13 @@ class EnsembleOptions(
     positions: int = 5
     constant: bool = False
     wide: bool = False
+    trapezoid: bool = False
 
     def build_network(self) -> FoundationEnsemble:
         """Build the network, untrained; with torch."""
         from .model import FoundationEnsemble
 
-        return FoundationEnsemble(
-            self.stiffness, self.load, self.members, self.width, self.positions, self.constant, self.wide
-        )
+        return FoundationEnsemble(**{name: getattr(self, name) for name in self.__struct_fields__})
 
 
 class CNNOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="paper", tag_field="architecture"):

@@ -38,6 +38,8 @@ CONSTANT_UNIT = 0.01
 """What the output for the constant in b is counted in [-], so that it learns at the pace of the others."""
 QUANTILE_90 = 1.645
 """Half the width of the interval that holds 90 % of a normal distribution [standard deviations]."""
+LEAST_SHARE = 0.25
+"""Cells that a node in a corner of a face stands for [-]: less cannot touch."""
 NEWTON_STEPS = 30
 """Upper bound of the steps to the height; N(z) is convex and piecewise linear, and five usually suffice."""
 MOST_GATHERED = 0.6
@@ -236,7 +238,7 @@ def slide_foundations(
     """Slide every wheel over its axle by its length of 1 mm; see `Foundation.slide`.
 
     Args:
-        options: stiffnesses and positions.
+        options: stiffnesses and positions, and what nodes on the border stand for.
         wheel: heights (pairs, n + 1, n + 1) [mm].
         axle: heights (pairs, 2 n + 1, n + 1) [mm].
         loads: normal force at the start of each pair (pairs,) [N].
@@ -247,12 +249,13 @@ def slide_foundations(
     stride = (wheel.shape[1] - 1) // (options.positions - 1) * row
     face, track = wheel.reshape(pairs, -1), axle.reshape(pairs, -1)
     nodes = face.shape[1]
+    shares = node_shares(wheel.shape[1], row) if options.trapezoid else None
 
     def slid(places: Sequence[int], *, free: bool) -> SlideNumbers:
         area = room[: 2 * len(places) * pairs * nodes].reshape(2, len(places), pairs, nodes)
         for at, k in zip(area[0], places, strict=True):
             np.add(face, track[:, k * stride : k * stride + nodes], out=at)  # (P, G) each
-        return _slid(options, area[0], loads, area[1], free=free)
+        return _slid(options, area[0], loads, area[1], shares, free=free)
 
     if free.all():
         return slid((0, options.positions - 1), free=True)
@@ -263,7 +266,9 @@ def slide_foundations(
     return SlideNumbers(*(np.where(free[:, None], *each) for each in both))
 
 
-def _slid(options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, *, free: bool) -> SlideNumbers:
+def _slid(
+    options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, shares: Single | None, *, free: bool
+) -> SlideNumbers:
     """Slide at constant force over the first place and the last, or at constant height over all of them.
 
     The places of `sums` (places, pairs, G) are solved together where each has a height of its own.
@@ -272,19 +277,20 @@ def _slid(options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: 
     solved = sums if free else sums[:1]
     rows, above = solved.reshape(-1, nodes), work.reshape(-1, nodes)
     over = above[: len(rows)]
-    each = np.tile(loads, len(solved))
+    each, whole = np.tile(loads, len(solved)), nodes if shares is None else float(shares.sum())
     # flat faces would be pressed to their mean less the overlap: others not so deep
-    touch = touched(rows, _row_sums(rows) / nodes - each / options.stiffness[0], over)
+    touch = touched(rows, _row_sums(rows, shares) / whole - each / options.stiffness[0], over, shares)
     found = []
     for stiffness in options.stiffness:
-        touch = contact_height(rows, each / stiffness, touch, over)
+        touch = contact_height(rows, each / stiffness, touch, over, shares)
         overlaps = touch.overlap
         if not free:  # the other places lie at the height of the first
             _overlap(sums[1:].reshape(-1, nodes), np.tile(touch.height, places - 1), above[pairs:])
-            overlaps = np.concatenate([overlaps, _row_sums(above[pairs:])])
-        squares = np.einsum("ij,ij->i", above, above).reshape(places, pairs)
+            overlaps = np.concatenate([overlaps, _row_sums(above[pairs:], shares)])
+        shared = above if shares is None else above * shares
+        squares = np.einsum("ij,ij->i", above, shared).reshape(places, pairs)
         heights = touch.height.reshape(-1, pairs)
-        found.append(_response(overlaps.reshape(places, pairs), squares, heights, stiffness / nodes, loads))
+        found.append(_response(overlaps.reshape(places, pairs), squares, heights, stiffness / whole, loads))
     return SlideNumbers(*(np.stack(column, axis=1).astype(np.float32) for column in zip(*found, strict=True)))
 
 
@@ -295,17 +301,35 @@ class Touch(NamedTuple):
     """Height z of each row [mm]."""
     overlap: FloatArray
     """Sum over the nodes of what is above z [mm]."""
-    nodes: IntArray
+    nodes: IntArray | Single
     """Number of nodes above z [-]."""
 
 
-def touched(sums: HeightArray, height: FloatArray, work: Single) -> Touch:
+@functools.lru_cache(maxsize=4)
+def node_shares(along: int, across: int) -> Single:
+    """Cells of the grid that each node of a face stands for, (along x across,): 1, on an edge 1/2, in a corner 1/4.
+
+    So sums over the nodes are integrals by the trapezoid rule. With whole cells all around the border counts double,
+    and where few nodes touch, as on rough faces, its peaks carry too much.
+    """
+    sides = [np.ones(points, dtype=np.float32) for points in (along, across)]
+    for side in sides:
+        side[[0, -1]] = 0.5
+    return np.outer(*sides).ravel()
+
+
+def touched(sums: HeightArray, height: FloatArray, work: Single, shares: Single | None = None) -> Touch:
     """What touches at these heights; leaves the overlap of each node in `work`."""
     _overlap(sums, height, work)
-    return Touch(height, _row_sums(work), np.add.reduce(work > 0.0, axis=1, dtype=np.int32))
+    inside = work > 0.0
+    # sums of quarters are exact in any order, in a matrix product too
+    nodes = np.add.reduce(inside, axis=1, dtype=np.int32) if shares is None else inside @ shares
+    return Touch(height, _row_sums(work, shares), nodes)
 
 
-def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: Single) -> Touch:
+def contact_height(
+    sums: HeightArray, overlap: FloatArray, start: Touch, work: Single, shares: Single | None = None
+) -> Touch:
     """The height z at which the mean overlap <sums - z> is the one asked for, by Newton from below.
 
     Each pair stops by itself when its step is less than `NEWTON_TOLERANCE` of the overlap; most need half as many steps
@@ -316,22 +340,24 @@ def contact_height(sums: HeightArray, overlap: FloatArray, start: Touch, work: S
         overlap: mean overlap over all nodes (pairs,) [mm].
         start: at a height not above z.
         work: the overlaps of `start` (pairs, G); those at z are left there.
+        shares: cells that each node stands for (G,), from `node_shares`; one each where they are left out.
     """
     height, sum_above, nodes = start.height.copy(), start.overlap.copy(), start.nodes.copy()
-    target, tolerance = overlap * sums.shape[1], NEWTON_TOLERANCE * overlap
+    whole = sums.shape[1] if shares is None else float(shares.sum())
+    target, tolerance = overlap * whole, NEWTON_TOLERANCE * overlap
     moving: IntArray | slice = slice(None)  # the rows whose step was not small enough yet; the others stay
     for _ in range(NEWTON_STEPS):
-        step = (sum_above[moving] - target[moving]) / np.maximum(nodes[moving], 1)
+        step = (sum_above[moving] - target[moving]) / np.maximum(nodes[moving], LEAST_SHARE)
         moves = np.flatnonzero(step > tolerance[moving])
         if not len(moves):
             break
         rows = moves if isinstance(moving, slice) else moving[moves]
         height[rows] += step[moves]
         if len(rows) > MOST_GATHERED * len(sums):
-            moving, touch = slice(None), touched(sums, height, work)
+            moving, touch = slice(None), touched(sums, height, work, shares)
         else:
             above = np.empty((len(rows), sums.shape[1]), dtype=np.float32)
-            moving, touch = rows, touched(sums[rows], height[rows], above)
+            moving, touch = rows, touched(sums[rows], height[rows], above, shares)
             work[rows] = above
         sum_above[moving], nodes[moving] = touch.overlap, touch.nodes
     return Touch(height, sum_above, nodes)
@@ -368,9 +394,10 @@ def _zeros(bits: int) -> Single:
     return np.zeros(1 << bits, dtype=np.float32)
 
 
-def _row_sums(rows: Single) -> FloatArray:
-    """The sum of each row; by einsum, in a third of the time of `sum`."""
-    return np.asarray(np.einsum("ij->i", rows), dtype=np.float64)
+def _row_sums(rows: Single, shares: Single | None = None) -> FloatArray:
+    """The sum of each row, of what its nodes stand for; by einsum, in a third of the time of `sum`."""
+    sums = np.einsum("ij->i", rows) if shares is None else np.einsum("ij,j->i", rows, shares)
+    return np.asarray(sums, dtype=np.float64)
 
 
 def _trapezoid_mean(values: FloatArray) -> FloatArray:

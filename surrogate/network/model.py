@@ -49,6 +49,7 @@ class FoundationEnsemble(nn.Module):
         positions: places of the slide at which the foundations are evaluated.
         constant: b has a constant besides.
         wide: the load and what is held while sliding are features, and the spread has a floor.
+        trapezoid: nodes on the border of a face stand for half a cell of the grid.
     """
 
     def __init__(
@@ -60,9 +61,11 @@ class FoundationEnsemble(nn.Module):
         positions: int = 5,
         constant: bool = False,
         wide: bool = False,
+        trapezoid: bool = False,
     ) -> None:
         super().__init__()
-        self.foundation, self.constant, self.wide = Foundation(stiffness, load, positions), constant, wide
+        self.foundation = Foundation(stiffness, load, positions, trapezoid=trapezoid)
+        self.constant, self.wide = constant, wide
         features = 2 + 3 * len(stiffness) + 2 * wide
         outputs = len(stiffness) + constant + 2 + 2 * wide  # weights of b, its constant, a, the spread and its floors
         self.register_buffer("centre", torch.zeros(features))

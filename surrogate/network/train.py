@@ -236,7 +236,13 @@ def _ensemble_options(
     plates, wide = sources[0][1], _is_wide(sources)
     constant = plates.dynamic if constant is None else constant
     options = EnsembleOptions(
-        stiffness=STIFFNESS[faces], load=plates.load, members=members, width=width, constant=constant, wide=wide
+        stiffness=STIFFNESS[faces],
+        load=plates.load,
+        members=members,
+        width=width,
+        constant=constant,
+        wide=wide,
+        trapezoid=wide,
     )
     points = fit.wheel.shape[1]
     if (points - 1) % (options.positions - 1):

@@ -20,7 +20,7 @@ from surrogate.data.database import Database, Header, Samples
 from surrogate.data.faces import generated_face, read_face
 from surrogate.data.table import open_samples, read_table, write_table
 from surrogate.errors import DatabaseError, EvaluationError, PredictionError
-from surrogate.evaluation.errors import coverage, relative_errors, slope_r2
+from surrogate.evaluation.errors import coverage, coverage_interval, relative_errors, slope_r2
 from surrogate.evaluation.measured import arrange_tests, require_unseen
 from surrogate.evaluation.parts import parts_lines, parts_report
 from surrogate.evaluation.predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
@@ -137,6 +137,14 @@ def test_coverage_counts_all_packings() -> None:
     spread = DATA.spread_out(np.abs(DATA.meso - TRUE.mean).max(1) / 1.645)
     assert coverage(DATA, replace(TRUE, spread=1.001 * spread)) == pytest.approx(np.ones(4))
     assert coverage(DATA, replace(TRUE, spread=0.999 * spread)) == pytest.approx(np.full(4, 2.0 / 3.0))
+
+
+@pytest.mark.parametrize(("share", "pairs", "expected"), [
+    (0.9, 100, (0.826, 0.945)), (1.0, 7, (0.646, 1.0)), (0.0, 10, (0.0, 0.278)), (0.81, 21, (0.600, 0.923)),
+])  # fmt: skip
+def test_of_few_pairs_coverage_is_known_within_bounds(share: float, pairs: int, expected: tuple[float, float]) -> None:
+    """Bounds of the tables of Wilson's interval."""
+    assert coverage_interval(share, pairs) == pytest.approx(expected, abs=1e-3)
 
 
 def test_the_foundation_alone_knows_no_answer() -> None:
@@ -256,14 +264,30 @@ def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     assert [row["pairs"] for row in found.values()] == [60, 30, 30, 60, 60]
     assert [row["error"] for row in found.values()] == pytest.approx([0.02, 0.03, 0.01, 0.02, 0.5])
     assert [row["coverage_90"] for row in found.values()] == pytest.approx([0.5, 1.0, 0.0, 0.5, 0.5], abs=0.1)
+    assert found["tiles"]["coverage_interval"] == coverage_interval(found["tiles"]["coverage_90"], 60)
     doubtful, settled = parts["doubtful"], parts["settled"]
     assert (doubtful["pairs"], settled["pairs"]) == (10, 50)
     assert (doubtful["error"], settled["error"]) == pytest.approx((0.03, (20 * 0.03 + 30 * 0.01) / 50))
+    tests = parts["settled tests"]
+    assert (tests["pairs"], tests["floor"]) == (60, pytest.approx(found["all"]["floor"], rel=0.1))
     assert found["all"]["standard_error"] == pytest.approx(0.01 / np.sqrt(59.0))
     assert found["all"]["floor"] == pytest.approx(SCATTER * np.sqrt(2.0 / np.pi) / np.sqrt(PACKINGS), rel=0.15)
     assert found["all"]["error_over_mean"] == pytest.approx(0.02, rel=0.05)
     assert len(parts_lines(parts)) == len(parts) + 3
     assert parts_report(DATA, TRUE) == {}  # all at one pressure
+
+
+def test_of_a_pair_the_settled_tests_are_judged_by_themselves() -> None:
+    """One packing of every third pair is doubtful and far off: an error of all tests, not of the settled ones."""
+    remark, meso = np.zeros_like(SAMPLES.remark), SAMPLES.meso_friction.copy()
+    remark[:: 3 * PACKINGS], meso[:: 3 * PACKINGS] = b"x", 1.5 * meso[:: 3 * PACKINGS]
+    pressure = np.linspace(20.0, 200.0, len(SAMPLES))
+    data = arrange_tests(replace(SAMPLES, remark=remark, meso_friction=meso, pressure=pressure))
+    right = arrange_tests(SAMPLES).meso.mean(1)
+    parts = parts_report(data, PredictedPairs("right", data.spread_out(right), 0.05 * data.spread_out(right)))
+    assert parts["all"]["error"] > 0.03
+    assert parts["settled tests"]["error"] < 0.01
+    assert parts["settled tests"]["coverage_90"] > parts["all"]["coverage_90"] + 0.05
 
 
 def test_what_few_packings_leave_to_chance_is_no_error_of_the_network() -> None:

@@ -130,6 +130,7 @@ BAD = {
     "--max-height": {"max_height": (0.04, 0.005)},
     "--levels": {"levels": (3, FINEST_LEVEL + 1)},
     "--hurst": {"hurst_exponent": (0.5, 1.1)},
+    "--pressure": {"pressure": (300.0, 30.0)},
     "--micro-friction": {"micro_friction": (0.07, 0.03)},
     "--micro-friction ": {"micro_friction": 0},
     "--packings": {"packings": 0},
@@ -342,3 +343,4 @@ def test_the_command_says_what_is_wrong(tmp_path):
 
     assert said("--pairs", "1", "--set", "surface.levels=3").startswith("macrofit-surrogate: --set surface.levels: ")
     assert "--max-height" in said("--pairs", "1", "--max-height", "a")
+    assert "--pressure = (300.0, 30.0)" in said("--pairs", "1", "--design", "wide", "--pressure", "300,30")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import torch
 from scipy.integrate import trapezoid
@@ -130,7 +131,9 @@ def test_kept_laws_give_the_same_bits(tmp_path: Path) -> None:
         predictor.answer(laws, flags, np.inf)
 
 
-@pytest.mark.parametrize("more", [{}, {"constant": True, "positions": 9}, {"wide": True}])
+@pytest.mark.parametrize(
+    "more", [{}, {"constant": True, "positions": 9}, {"wide": True}, {"wide": True, "trapezoid": True}]
+)
 def test_answers_are_those_of_torch(more: dict[str, Any]) -> None:
     """But for rounding of single precision, of loads and pairs at constant force too where the network is wide."""
     options = EnsembleOptions(stiffness=[3e4, 1e5], load=LOAD, **more)
@@ -261,23 +264,46 @@ def doubles(count: int = 3, points: int = 9, seed: int = 0) -> tuple[Tensor, Ten
     return torch.from_numpy(0.004 * wheel), torch.from_numpy(0.004 * axle)
 
 
-def test_foundation_against_bisection() -> None:
+@pytest.mark.parametrize("rule", [False, True])
+def test_foundation_against_bisection(rule: bool) -> None:
+    """Sums over the nodes are means, or with the trapezoid rule integrals over the face."""
+
+    def mean(values: npt.NDArray[Any]) -> Any:
+        return trapezoid(trapezoid(values, dx=0.125), dx=0.125) if rule else values.mean((-2, -1))
+
     wheel, axle = doubles()
     stiffness = [2e4, 1e5]
-    slide = Foundation(stiffness, LOAD, 5).slide(wheel, axle)
+    slide = Foundation(stiffness, LOAD, 5, trapezoid=rule).slide(wheel, axle)
     for pair in range(3):
         sums = np.stack([(wheel[pair] + axle[pair, s : s + 9]).numpy() for s in (0, 2, 4, 6, 8)])
         for k, K in enumerate(stiffness):
             low, high = -1.0, 1.0
             for _ in range(60):
                 z = 0.5 * (low + high)
-                low, high = (z, high) if K * np.clip(sums[0] - z, 0.0, None).mean() > LOAD else (low, z)
+                low, high = (z, high) if K * mean(np.clip(sums[0] - z, 0.0, None)) > LOAD else (low, z)
             overlap = np.clip(sums - low, 0.0, None)
-            load, energy = K * overlap.mean((1, 2)), 0.5 * K * (overlap**2).mean((1, 2))
-            mean, stored = trapezoid(load, dx=0.25), trapezoid(energy, dx=0.25)
+            load, energy = K * mean(overlap), 0.5 * K * mean(overlap**2)
+            carried, stored = trapezoid(load, dx=0.25), trapezoid(energy, dx=0.25)
             # a step of less than 1e-5 of the overlap is the last one, and Newton's next would be far smaller
-            expected = ((energy[-1] - energy[0]) / mean, mean / LOAD, load.min() / LOAD, stored / mean)
+            expected = ((energy[-1] - energy[0]) / carried, carried / LOAD, load.min() / LOAD, stored / carried)
             assert [float(column[pair, k]) for column in slide] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("control", ["height", "force"])
+def test_by_the_trapezoid_rule_strips_of_a_face_carry_what_it_does(control: str) -> None:
+    """Faces as wide as two periods, and as one: each node of a border stands for half a cell.
+
+    With whole cells the border that the narrow face has more would count, and its share is not the same in both.
+    """
+    wheel, axle = doubles(1, 9)
+    wheel, axle = (torch.cat([part, part.flip(2)[:, :, 1:]], dim=2) for part in (wheel, axle))  # mirrored across
+    free = torch.tensor([control == "force"])
+    for rule in (True, False):
+        foundation = Foundation([2e4, 1e5], LOAD, 5, trapezoid=rule)
+        narrow = foundation.slide(wheel[:, :, :9], axle[:, :, :9], torch.tensor([LOAD]), free)
+        whole = foundation.slide(wheel, axle, torch.tensor([LOAD]), free)
+        alike = all(torch.allclose(one, other, rtol=1e-4, atol=1e-9) for one, other in zip(narrow, whole, strict=True))
+        assert alike == rule
 
 
 def test_gradient_of_the_foundation() -> None:

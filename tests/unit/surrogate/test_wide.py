@@ -90,6 +90,12 @@ def test_every_face_of_a_wide_design_can_be_made() -> None:
         rough_face(keys, "axle", 1, (2.0, 1.0))
 
 
+def test_pressures_of_a_design_can_be_limited() -> None:
+    pressures = [point.pressure or 0.0 for point in wide(pressure=(30.0, 300.0)).points(256)]
+    assert min(pressures) == pytest.approx(30.0, rel=0.02)
+    assert max(pressures) == pytest.approx(300.0, rel=0.02)
+
+
 def test_the_design_sets_what_it_varies() -> None:
     settings = plate_settings(["load.control=force"])
     design = wide()
