@@ -27,6 +27,7 @@ from macrofit.report.chart import BOTTOM, Frame, Window, names, overlay, ticks
 from macrofit.report.page import pictures
 from macrofit.report.pdf import found_browser
 from macrofit.report.seat import MOST_VALUES, SHOWN, Seat, seat_view, shown_increments
+from macrofit.results.folder import write_summary
 
 TITLE = "A <b>short</b> fit & its ends"
 SCENE = f"""
@@ -374,6 +375,22 @@ def test_a_run_of_an_older_version_has_a_page_without_what_it_did_not_record(fol
     (copy / "summary.json").write_text(json.dumps(numbers))
     assert macrofit("report", copy).exit_code == 0
     assert "not recorded" in (copy / "report.html").read_text()
+
+
+@pytest.mark.parametrize("renew", ["run", "results"])
+def test_page_of_older_results_is_removed(folder, tmp_path, renew):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "report.pdf").write_text("older")
+    (copy / "fit-4711.html").write_text("of somebody's own")
+    assert (copy / "report.html").exists()
+    if renew == "run":
+        assert macrofit("run", copy / "scene.toml", "-o", copy, "--quiet", "--set", "motion.travel=10").exit_code == 0
+    else:  # of a run that goes on, or is judged anew
+        write_summary(copy, json.loads((copy / "summary.json").read_text()))
+    assert not (copy / "report.html").exists()
+    assert not (copy / "report.pdf").exists()
+    assert (copy / "fit-4711.html").exists()
 
 
 def test_what_made_a_run_is_in_its_summary(folder):

@@ -93,6 +93,13 @@ def test_what_is_not_known_is_a_dash(tmp_path: Path) -> None:
     assert "<tr><th>Front slip</th><td>– along the axle, over " in text
 
 
+def test_page_of_an_older_computation_is_removed(tmp_path: Path) -> None:
+    assert service(tmp_path / "served", bonded=True).exit_code == 0
+    assert report(tmp_path / "served").exit_code == 0
+    assert service(tmp_path / "served", "service.torque=1e6", bonded=True).exit_code == 0
+    assert not (tmp_path / "served" / "report.html").exists()
+
+
 def test_what_ended_early_says_why(tmp_path: Path) -> None:
     assert service(tmp_path / "served", "service.torque=1e9").exit_code == 2
     assert report(tmp_path / "served").exit_code == 0
