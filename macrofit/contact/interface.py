@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,18 +16,23 @@ from .moments import GAUSS_X, CoveredFacets, Entries, covered_facets, entries, q
 
 _BLOCK = 8
 """Portions in a block of a Band: fewer make more products of matrices, more fill them with zeros."""
+_SPARSE = 250
+"""Columns from which on a Band keeps rows without zeros; for fewer, to make them takes longer than they save."""
+
+Rows: TypeAlias = FloatArray | sp.csr_matrix
+"""A matrix, dense or by rows."""
 
 
 @dataclass(frozen=True)
 class Band:
     """A sparse matrix of moments whose entries lie along a band: as rows for vectors, as dense blocks for matrices."""
 
-    matrix: sp.csr_matrix  # (n, columns of the span)
+    matrix: Rows  # (n, columns of the span)
     span: slice  # the columns that have entries lie within
     blocks: tuple[tuple[slice, slice, FloatArray], ...]  # rows, columns counted from the span's first, and entries
 
     @cached_property
-    def transposed(self) -> sp.csc_matrix:
+    def transposed(self) -> FloatArray | sp.csc_matrix:
         """The matrix for loads."""
         return self.matrix.T
 
@@ -46,7 +52,7 @@ class MortarCoupling:
     normals: FloatArray  # (p n, 2)
     nodes: int  # of the bore
     bore: Band  # (p n, bore nodes): moments of one component of the bore's displacement
-    slope: sp.csr_matrix  # (p n, span of the band): moments of its derivative along the bore
+    slope: Rows  # (p n, span of the band): moments of its derivative along the bore
     gap: FloatArray  # (p n,) moments of the undeformed normal gap [mm]
     axial_share_undeformed: (
         FloatArray  # (p n,) moments of the undeformed part of the axial share of the pressure, see `contact.law`
@@ -82,7 +88,7 @@ class MortarCoupling:
         n_r, n_z = self.normals_by_component
         return np.asarray(n_r * r + n_z * z)
 
-    def _on_line(self, matrix: sp.csr_matrix, displacement: FloatArray) -> FloatArray:
+    def _on_line(self, matrix: Rows, displacement: FloatArray) -> FloatArray:
         """A band's ``matrix`` on both components of a displacement, or of those of several runs."""
         given = displacement.reshape(2, *displacement.shape[1:-1], self.nodes)[..., self.bore.span]
         return _by_rows(matrix, given)
@@ -90,14 +96,14 @@ class MortarCoupling:
     @property
     def bore_rows(self) -> sp.csr_matrix:
         """N as a sparse matrix (2 p n, 2 bore nodes)."""
-        narrow = self.bore.matrix
+        narrow = sp.csr_matrix(self.bore.matrix)
         shape = (len(self.normals), self.nodes)
         matrix = sp.csr_matrix((narrow.data, narrow.indices + self.bore.span.start, narrow.indptr), shape=shape)
         n_r, n_z = (sp.diags(self.normals[:, k]) @ matrix for k in (0, 1))
         return sp.bmat([[n_r, n_z], [-n_z, n_r]], format="csr")
 
 
-def _by_rows(matrix: sp.spmatrix, values: FloatArray) -> FloatArray:
+def _by_rows(matrix: Rows | sp.csc_matrix, values: FloatArray) -> FloatArray:
     """The products (..., n) of a matrix (n, m) with vectors (..., m), taken at once."""
     products = matrix @ values.reshape(-1, values.shape[-1]).T
     return np.asarray(products.T.reshape(*values.shape[:-1], -1))
@@ -185,7 +191,7 @@ def _coupling(
         portions=portions,
         normals=normals,
         nodes=len(bore.nodes),
-        bore=Band(matrix, span, rows.blocks(bore_entries)),
+        bore=Band(matrix, span, rows.blocks(bore_entries, matrix)),
         slope=rows.matrix(entries(test, slopes / extent[:, None], which, columns), matrix),
         gap=_mean(test, gap, which, len(portions.facet)),
         axial_share_undeformed=_mean(test, axial_share_undeformed, which, len(portions.facet)),
@@ -208,11 +214,13 @@ class _Rows:
         first = np.searchsorted(portion, np.arange(int(portion[-1]) + 2))
         return cls(columns[first[:-1], 0], columns[first[1:] - 1, -1] + 1, moments)
 
-    def matrix(self, entries: Entries, other: sp.csr_matrix | None = None) -> sp.csr_matrix:
+    def matrix(self, entries: Entries, other: Rows | None = None) -> Rows:
         """The sum of the entries, by rows; of ``other`` entries at the same places the structure is shared."""
+        if self.high[-1] < _SPARSE:
+            return self._dense(entries)
         data, first = self._windows(entries, 1)
         if other is not None:
-            out = copy(other)
+            out: sp.csr_matrix = copy(other)
             out.data = data.ravel()
             return out
         width = data.shape[1]
@@ -220,14 +228,25 @@ class _Rows:
         starts = np.arange(0, data.size + 1, width, dtype=np.int32)
         return sp.csr_matrix((data.ravel(), indices.ravel(), starts), shape=(len(data), int(self.high[-1])))
 
-    def blocks(self, entries: Entries) -> tuple[tuple[slice, slice, FloatArray], ...]:
-        """The sum of the entries, some portions at a time."""
+    def blocks(self, entries: Entries, matrix: Rows) -> tuple[tuple[slice, slice, FloatArray], ...]:
+        """The sum of the entries, which is the ``matrix``, some portions at a time."""
+        height, stop = _BLOCK * self.moments, self.moments * len(self.low)
+        rows = [slice(start, min(start + height, stop)) for start in range(0, stop, height)]
+        if isinstance(matrix, np.ndarray):
+            starts = np.arange(0, len(self.low), _BLOCK)
+            ends = self.high[np.minimum(starts + _BLOCK, len(self.low)) - 1]
+            columns = map(slice, self.low[starts].tolist(), ends.tolist())
+            return tuple((own, across, matrix[own, across]) for own, across in zip(rows, columns, strict=True))
         data, first = self._windows(entries, _BLOCK)
-        height, width = _BLOCK * self.moments, data.shape[1]
-        stop = self.moments * len(self.low)
-        places = enumerate(first.tolist())
-        rows = ((slice(k * height, min((k + 1) * height, stop)), slice(low, low + width)) for k, low in places)
-        return tuple((own, columns, data[own]) for own, columns in rows)
+        width = data.shape[1]
+        return tuple((own, slice(low, low + width), data[own]) for own, low in zip(rows, first.tolist(), strict=True))
+
+    def _dense(self, entries: Entries) -> FloatArray:
+        """The sum of the entries, with all zeros."""
+        data, rows, columns = entries
+        shape = len(self.low) * self.moments, int(self.high[-1])
+        flat = np.bincount(rows * shape[1] + columns, data, minlength=shape[0] * shape[1])
+        return np.asarray(flat.reshape(shape), dtype=np.float64)
 
     def _windows(self, entries: Entries, together: int) -> tuple[FloatArray, IntArray]:
         """The rows (n, w) with w columns each, the first of which is the same for ``together`` portions."""

@@ -86,7 +86,7 @@ class Fit:
     def bore_rows(self) -> sp.csr_matrix:
         """N (3 m, 3 bore nodes)."""
         scalar = np.zeros((self.moments, self.coupling.nodes))
-        scalar[:, self.coupling.bore.span] = self.coupling.bore.matrix[self.chosen].toarray()
+        scalar[:, self.coupling.bore.span] = sp.csr_matrix(self.coupling.bore.matrix)[self.chosen].toarray()
         return in_components(sp.csr_matrix(scalar), self.normals)
 
     def response(self, n: int) -> Response:

@@ -1,6 +1,6 @@
 """How do time and memory of the press-fit grow with mesh, seat, increments, runs and ranks?
 
-    python -m tests.benchmarks scaling [--quick] [--figure FILE]
+    python -m tests.benchmarks scaling [--quick] [--facets] [--figure FILE]
 
 `wheelset`, order 2, each size in a process of its own:
 
@@ -256,8 +256,12 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks scaling", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="Toy sizes.")
     parser.add_argument("--figure", type=Path, help="File of the figure.")
+    parser.add_argument("--facets", action="store_true", help="The shrinking facets alone.")
     options = parser.parse_args(words)
     quick = options.quick
+    if options.facets:
+        lines(presses_table("dofs, facets shrinking", facets(quick=quick)))
+        return 0
     series: dict[str, tuple[Sequence[float], Sequence[float]]] = {}
 
     def keep(name: str, found: dict[float, Press], cost: Callable[[Press], float]) -> None:
