@@ -73,12 +73,13 @@ def fretting(whole: Wheelset, last: Revolution) -> Fretting:
     )
 
 
-def slip_left(revolution: Revolution) -> tuple[float, float]:
-    """`Fretting.left` of a revolution by itself."""
+def slip_left(revolution: Revolution) -> tuple[float, float] | None:
+    """`Fretting.left` of a revolution by itself; None where no place stays in contact all around."""
     traction = np.stack([moment.traction for moment in revolution.moments])
     slip = np.stack([moment.slip for moment in revolution.moments])
     closed = in_contact(traction)
-    return _left(slip, closed.all(axis=(0, 1)), _range(slip[:, :, 1], closed))
+    always = closed.all(axis=(0, 1))
+    return _left(slip, always, _range(slip[:, :, 1], closed)) if always.any() else None
 
 
 def _left(slip: FloatArray, always: BoolArray, axial_range: FloatArray) -> tuple[float, float]:

@@ -23,8 +23,10 @@ from ..results.encoding import PackedArray, State, packed, unpacked
 from ..results.folder import prepare, remove_page, write_scene
 from ..results.journal import Journal, file_digests, is_journal, scene_digest
 from ..scene import Scene
+from ..scene.keys import ServiceKeys
 from .output import NUMBERS, RESULTS
 from .rotation import Moment, Rotation
+from .wheelset import service_keys
 
 PRESS, ROTATION = "press.bin", "rotation.bin"
 MAGIC = b"macrofit rotation 1\n"
@@ -106,23 +108,30 @@ def open_folder(folder: Path, scene: Scene, *, resume: bool) -> Kept:
         OutputError: it is of something else or in use, its journals are damaged or of another scene; or, unless
             ``resume``, it holds an unfinished computation of this one.
     """
-    press, rotation = folder / PRESS, folder / ROTATION
+    press, rotation, lasting = folder / PRESS, folder / ROTATION, _lasting(scene)
     held = is_journal(press)
     prepare(folder, owned=held or (folder / NUMBERS).is_file())
     if resume and held:
-        journal = Journal.resume(press, scene)
+        journal = Journal.resume(press, lasting)
         make = _resumed
     else:
-        journal = Journal.start(press, scene, replace=has_ended(folder))
+        journal = Journal.start(press, lasting, replace=has_ended(folder))
         make = _started
     try:
         remove_drafts(folder)
         write_scene(folder, scene)
-        log, found = make(rotation, _head(scene))
+        log, found = make(rotation, _head(lasting))
     except BaseException:
         journal.close()
         raise
     return Kept(journal, log, found)
+
+
+def _lasting(scene: Scene) -> Scene:
+    """The scene without what says how long it turns, so that a wheel may turn on."""
+    keys, default = service_keys(scene), ServiceKeys()
+    keys = msgspec.structs.replace(keys, revolutions=default.revolutions, periodicity=default.periodicity)
+    return msgspec.structs.replace(scene, service=keys)
 
 
 def has_ended(folder: Path) -> bool:

@@ -22,7 +22,7 @@ import numpy as np
 from ..base.arrays import FloatArray, IntArray
 from ..bodies.fenics import Discretisation
 from ..contact.moments import shape
-from ..errors import MeshError
+from ..errors import MeshError, SceneError
 
 ROUNDING = 1e-9
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)  # type: ignore[no-untyped-call]
@@ -102,10 +102,16 @@ def front_face(space: Discretisation, *, last: bool = False) -> EndFace:
 
 
 def rim_node(space: Discretisation, offset: float) -> int:
-    """The node of the wheel on the rail: of the largest radius, nearest to the rim's middle + offset [mm]."""
+    """The node of the wheel on the rail: of the largest radius, nearest to the rim's middle + offset [mm].
+
+    Raises:
+        SceneError: the offset is beyond the rim.
+    """
     r, z = space.nodes.T
     outer = np.flatnonzero(r > r.max() * (1.0 - 1e-6))
-    middle = 0.5 * (z[outer].min() + z[outer].max())
+    middle, half = 0.5 * (z[outer].min() + z[outer].max()), 0.5 * float(np.ptp(z[outer]))
+    if abs(offset) > half * (1.0 + 1e-9):
+        raise SceneError(f"service.rim_offset: {offset:g} mm is beyond the rim, which ends {half:g} mm from its middle")
     return int(outer[np.argmin(np.abs(z[outer] - middle - offset))])
 
 

@@ -30,7 +30,7 @@ from .kernel import Kernel
 from .output.write import write_service
 from .residual import Residual, pressed_and_released, restored
 from .rotation import Moment, Revolution, check_grip
-from .wheelset import Wheelset, in_harmonics, service_keys, touching, wheelset
+from .wheelset import Wheelset, in_harmonics, service_keys, touching, wheelset, with_service
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,10 +147,11 @@ class Course:
         for count in range(1, keys.revolutions + 1):
             self._revolutions.append(rotation.revolve(here))
             here = self._revolutions[-1].moments[-1]
-            left = max(slip_left(self._revolutions[-1]))
+            left = slip_left(self._revolutions[-1])
             work = f"friction work {1e-3 * self._revolutions[-1].friction_work:.5g} J"
-            self._say(f"Revolution {count:<4} {work}; it leaves {left:.1e} of the slip")
-            if left <= keys.periodicity:
+            told = "no place stays in contact all around" if left is None else f"it leaves {max(left):.1e} of the slip"
+            self._say(f"Revolution {count:<4} {work}; {told}")
+            if left is not None and max(left) < keys.periodicity:
                 break
 
     def so_far(self, ended: str | None = None) -> Service | None:
@@ -229,6 +230,7 @@ def carry_out_service(
     if bonded and resume:
         raise OutputError("--resume: a bonded solution has no steps to go on from; leave it out")
     lines: list[str] = []
+    scene = with_service(scene)
     with raise_together(comm):
         if comm.rank > 0:
             if not bonded:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from ..base.arrays import FloatArray
@@ -89,6 +90,11 @@ def touching(whole: Wheelset, gap: FloatArray) -> Wheelset:
 def service_keys(scene: Scene) -> ServiceKeys:
     """The loads of a scene, those of the table's defaults where it has none."""
     return ServiceKeys() if scene.service is None else scene.service
+
+
+def with_service(scene: Scene) -> Scene:
+    """The scene with its table [service] written out, which it may leave out."""
+    return msgspec.structs.replace(scene, service=service_keys(scene))
 
 
 def wheelset(

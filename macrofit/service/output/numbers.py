@@ -30,6 +30,8 @@ BALANCED = 1e-3
 """How far the work of the loads may be from that of friction, in this."""
 LEAST_STRESS = 1.0
 """Nominal stress below which loads may be in another unit, kN or N m [MPa]."""
+MOST_STRESS = 250.0
+"""Nominal stress above which no axle lasts, fretting or not, and loads may be of another one [MPa]; EA4T bears 240."""
 LEAST_WORK = 100.0
 """Friction work of a revolution below which it is counted as that much [N mm]; a wheelset has 1e3 to 1e5."""
 
@@ -85,7 +87,9 @@ def _friction(fit: Fit, turned: Turned) -> dict[str, Any]:
         "friction_work_of_revolutions_N_mm": [each.friction_work for each in turned.revolutions],
         "work_balance": abs(last.load_work - last.friction_work) / max(abs(last.friction_work), 1e-300),
         "slip_left_by_revolution": _where_held(held, wear.left),
-        "slip_left_of_revolutions": [max(slip_left(each)) for each in turned.revolutions],
+        "slip_left_of_revolutions": [
+            None if left is None else max(left) for left in map(slip_left, turned.revolutions)
+        ],
         "wave_error": _where_held(held, wear.wave_errors),
         "newton_iterations": sum(each.iterations for each in turned.revolutions),
         "slip_zone_mm": {"front": wear.front_zone, "inner": wear.inner_zone},
@@ -103,12 +107,12 @@ def _where_held(held: BoolArray, values: tuple[float, float]) -> dict[str, float
 
 
 def unit_doubts(nominal: float) -> list[str]:
-    """What a largest nominal stress [MPa] says of the units of the loads."""
-    if not 0.0 < nominal < LEAST_STRESS:
+    """What a largest nominal stress [MPa] says of the loads and their units; without any bending it says nothing."""
+    if nominal == 0.0 or LEAST_STRESS <= nominal <= MOST_STRESS:
         return []
     return [
-        f"the nominal stress is {nominal:.2g} MPa, and axles at work have 50 to 150: state service.journal_force in N "
-        f"and service.journal_moment in N mm"
+        f"odd loads: the nominal stress is {nominal:.3g} MPa, and axles at work have 50 to 150: state those of this "
+        f"axle, service.journal_force in N and service.journal_moment in N mm"
     ]
 
 
@@ -126,10 +130,10 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
             f"service.revolutions, and if it stays, lower the loads"
         )
     periodicity = whole.loads.keys.periodicity
-    if periodicity > 0.0 and max(wear.left) > periodicity:
+    if periodicity > 0.0 and wear.always.any() and max(wear.left) >= periodicity:
         found.append(
             f"not periodic yet: revolution {len(turned.revolutions)} leaves {max(wear.left):.1e} of the slip, and "
-            f"service.periodicity allows {periodicity:g}; let it turn on by more service.revolutions"
+            f"service.periodicity allows {periodicity:g}; go on with --resume and more service.revolutions"
         )
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")

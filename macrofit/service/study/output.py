@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,9 +13,10 @@ from ...base.progress import printable
 from ...results.doubts import doubtful_runs
 from ...results.folder import prepare, remove_page, write_numbers
 from ...results.versions import session, versions
-from ...study.output import csv_text, refuse_unfinished
+from ...study.output import RUNS, csv_text, refuse_unfinished
 from ...study.plan import Plan
 from ...study.statistics import statistics
+from ..output import NUMBERS
 from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study, measured
 
 STUDY_FILE, ROWS, TOTALS, FIGURE = (f"service-study.{end}" for end in ("bin", "csv", "json", "png"))
@@ -47,6 +49,8 @@ def open_service_study(folder: Path, plan: Plan, *, resume: bool) -> ServiceStud
         with writing(folder):
             for stale in (ROWS, TOTALS, FIGURE):
                 (folder / stale).unlink(missing_ok=True)
+            for numbers in (folder / RUNS).glob(f"*/{NUMBERS}"):
+                shutil.rmtree(numbers.parent)
     return kept
 
 

@@ -131,6 +131,23 @@ def test_slip_of_a_wheel_that_lifts_off_everywhere_is_not_known(tmp_path: Path) 
     assert "Steady          not known" in result.stdout
 
 
+def test_a_wheel_that_lifts_off_is_turned_as_often_as_asked(tmp_path: Path) -> None:
+    # where no place stays in contact nothing is left to measure, which is no steady state
+    load = ("service.journal_moment=2e9", "service.revolutions=2", "service.periodicity=0.5")
+    result = service(tmp_path / "served", *load)
+    found = json.loads((tmp_path / "served" / output.NUMBERS).read_text())
+    assert found["turned_revolutions"] == 2.0
+    assert found["friction"]["slip_left_of_revolutions"] == [None, None]
+    assert "Revolution 2" in result.stdout
+    assert "no place stays in contact all around" in result.stdout
+
+
+def test_a_rail_beside_the_rim_is_refused(tmp_path: Path) -> None:
+    result = service(tmp_path / "served", "service.rim_offset=1e6", bonded=True)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "service.rim_offset: 1e+06 mm is beyond the rim, which ends " in result.stderr
+
+
 def test_each_criterion_is_said_at_its_own_place() -> None:
     found = {"crossland": {"value": 1.1, "z_mm": 163.8}, "dang_van": {"value": 2.58, "z_mm": 4.0}}
     apart = _shares_said(found | {"findley": {"value": 2.67, "z_mm": 4.0}})

@@ -13,6 +13,7 @@ import pytest
 from serving import SHORT, service
 
 from macrofit.base.log import frames
+from macrofit.results.folder import SCENE
 from macrofit.service import journal, output
 
 TABLES = (output.SEAT, output.FRETTING, output.SURFACE, output.HISTORIES)
@@ -60,6 +61,19 @@ def test_steps_that_are_kept_are_not_solved_again(whole: Path, tmp_path: Path, m
     monkeypatch.setattr("macrofit.service.rotation.solve_step", refused)
     assert service(folder, resume=True).exit_code == 0
     assert contents(folder) == contents(whole)
+
+
+def test_a_wheel_turns_on_by_more_revolutions(whole: Path, tmp_path: Path) -> None:
+    """... from where it was, as one that was asked for them at once; its scene says what loads it had."""
+    folder = tmp_path / "more"
+    shutil.copytree(whole, folder)
+    turned = json.loads((whole / output.NUMBERS).read_text())["turned_revolutions"]
+    more = f"service.revolutions={turned + 1:g}"
+    assert service(folder, more, resume=True).exit_code == 0
+    assert service(tmp_path / "at once", more).exit_code == 0
+    assert contents(folder) == contents(tmp_path / "at once")
+    assert json.loads((folder / output.NUMBERS).read_text())["turned_revolutions"] == turned + 1.0
+    assert "journal_force = 110000.0" in (folder / SCENE).read_text()
 
 
 YIELDS = ("axle.material.grade=EA1N", "wheel.material.grade=ER8", "wheel.bore_radius=94.8", "service.revolutions=1")

@@ -37,8 +37,10 @@ def test_axle_grades_have_limits_with_their_source() -> None:
             assert card["fatigue_known"] == "from memory: confirm against the text"
 
 
-@pytest.mark.parametrize(("force", "moment", "doubted"), [(110.0, 60.0, True), (110e3, 6e7, False), (0.0, 0.0, False)])
-def test_loads_in_kilonewtons_are_doubted(force: float, moment: float, doubted: bool) -> None:
+@pytest.mark.parametrize(
+    ("force", "moment", "doubted"), [(110.0, 60.0, True), (110e3, 6e7, False), (0.0, 0.0, False), (110e3, 6e8, True)]
+)
+def test_loads_in_kilonewtons_or_of_another_axle_are_doubted(force: float, moment: float, doubted: bool) -> None:
     keys = (f"service.journal_force={force}", f"service.journal_moment={moment}")
     found = numbers(bonded_only(load_scene("wheelset", [*SHORT, *keys])))
     assert ["service.journal_force in N" in doubt for doubt in found["doubts"]] == [True] * doubted

@@ -20,6 +20,7 @@ from macrofit.errors import OutputError
 from macrofit.report.pdf import found_browser
 from macrofit.report.service_study import COLUMNS
 from macrofit.service import run as service_run
+from macrofit.service.output import NUMBERS
 from macrofit.service.study.figures import write_service_figure
 from macrofit.service.study.output import STUDY_FILE, _sentences, open_service_study, write_service_study
 from macrofit.service.study.record import MAGIC, MEASURES, ServiceRecord
@@ -189,6 +190,19 @@ def test_goes_on_with_the_runs_that_are_missing(done: tuple[Path, str], tmp_path
     assert (folder / "runs" / "0003" / "seat.vtu").is_file()
     timeless = [[{**row, "cpu_s": ""} for row in rows(place)] for place in (folder, done[0])]
     assert timeless[0] == timeless[1]
+
+
+def test_runs_of_an_older_study_are_not_left_beside_newer_results(tmp_path: Path) -> None:
+    plan = plan_study("wheelset", VARIED)
+    old, mine = tmp_path / "runs" / "0007", tmp_path / "runs" / "notes"
+    for resume in (True, False):
+        open_service_study(tmp_path, plan, resume=resume).close()
+        assert (old.exists(), mine.exists()) == (False, not resume)
+        for folder in (old, mine):
+            folder.mkdir(parents=True, exist_ok=True)
+        (old / NUMBERS).write_text("{}")
+    open_service_study(tmp_path, plan, resume=True).close()
+    assert old.exists()
 
 
 def test_an_older_page_is_not_left_beside_newer_results(tmp_path: Path) -> None:
