@@ -14,8 +14,8 @@ class Preset(NamedTuple):
     facet: float  # times mesh.seat_facet, and mesh.bore_facet where it is given
     corner: float  # times mesh.seat_facet; where mesh.corner_facet is given, that times this over balanced's
     growth: float  # times mesh.growth
-    force_error: float  # largest along the fitting curve, over its peak
-    stress_error: float  # of the largest von Mises stress, the worse body
+    force_error: float  # bound of the largest along the fitting curve, over its peak
+    stress_error: float  # bound of that of the largest von Mises stress, the worse body
     cpu_s: float  # of 180 increments, beyond imports; of one machine
 
     def __str__(self) -> str:
@@ -25,9 +25,9 @@ class Preset(NamedTuple):
 
 
 PRESETS = {
-    "fast": Preset(facet=3.0, corner=1.0, growth=1.0, force_error=8e-4, stress_error=12e-3, cpu_s=0.8),
-    "balanced": Preset(facet=1.0, corner=0.5, growth=1.0, force_error=2e-4, stress_error=4e-3, cpu_s=2.3),
-    "accurate": Preset(facet=0.5, corner=0.25, growth=0.5, force_error=4e-5, stress_error=5e-3, cpu_s=9.3),
+    "fast": Preset(facet=3.0, corner=1.0, growth=1.0, force_error=8e-4, stress_error=12e-3, cpu_s=0.45),
+    "balanced": Preset(facet=1.0, corner=0.5, growth=1.0, force_error=2e-4, stress_error=4e-3, cpu_s=1.1),
+    "accurate": Preset(facet=0.5, corner=0.25, growth=0.5, force_error=4e-5, stress_error=5e-3, cpu_s=3.6),
 }
 
 
