@@ -28,7 +28,7 @@ BUG, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 """Settings of the context of every command."""
 FILE = click.Path(path_type=Path)
-YOUNG = 20_000
+YOUNG = 200_000
 """New objects after which Python looks for unreachable ones; after its 700, imports and figures make it look at all."""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that numpy, PETSc and numba read when they are first imported."""
