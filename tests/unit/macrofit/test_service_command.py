@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from serving import SHORT, read_table, service
 
 from macrofit.base import progress
+from macrofit.results.folder import SCENE
 from macrofit.scene import load_scene
+from macrofit.scene.keys import ServiceKeys
 from macrofit.service import output, run
 from macrofit.service.bonded import _without
 from macrofit.service.output.numbers import _shares_said
-from macrofit.service.run import bonded_only
+from macrofit.service.run import bonded_only, carry_out_service
 
 
 def test_folder_has_numbers_tables_and_a_figure(tmp_path: Path) -> None:
@@ -140,6 +143,12 @@ def test_a_wheel_that_lifts_off_is_turned_as_often_as_asked(tmp_path: Path) -> N
     assert found["friction"]["slip_left_of_revolutions"] == [None, None]
     assert "Revolution 2" in result.stdout
     assert "no place stays in contact all around" in result.stdout
+
+
+def test_the_scene_that_is_kept_has_the_loads(tmp_path: Path) -> None:
+    meshed = [key for key in SHORT if not key.startswith("service.")]
+    carry_out_service(load_scene("wheelset", meshed), MPI.COMM_SELF, tmp_path / "served", bonded=True, quiet=True)
+    assert load_scene(tmp_path / "served" / SCENE).service == ServiceKeys()
 
 
 def test_a_rail_beside_the_rim_is_refused(tmp_path: Path) -> None:
