@@ -98,3 +98,5 @@ def test_cutbacks_end_in_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
     increments = press.increments(press.rest())
     with pytest.raises(ConvergenceError, match=r"no convergence between displacements .* try a smaller"):
         list(increments)
+    with pytest.raises(ConvergenceError, match=r"between displacements 15 and 15\.625 mm after 3 cutbacks"):
+        press.advance_to(press.rest(), 20.0)
