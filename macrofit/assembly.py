@@ -118,16 +118,18 @@ def discretise_bodies(scene: Scene, comm: MPI.Comm) -> dict[str, Body]:
 def condense_bodies(scene: Scene, comm: MPI.Comm, bodies: dict[str, Body]) -> tuple[Seat, CondensedBody, CondensedBody]:
     """The seat's operators and both bodies condensed on their contact lines, on every rank. Collective."""
     condensed: dict[str, CondensedBody] = {}
+    seat = None
     with raise_together(comm):
         if "axle" in bodies:
-            bodies["axle"].stabilisation = Seat(bodies["axle"].line, scene.contact).stabilisation
+            seat = Seat(bodies["axle"].line, scene.contact)
+            bodies["axle"].stabilisation = seat.stabilisation
         for name, body in bodies.items():
             if owner(comm, name) == comm.rank:
                 condensed[name] = body.condense(load_trace=name == "wheel" or bodies[name].stabilisation is not None)
     if comm.size > 1:  # alone, a broadcast would copy both compliances
         condensed = {name: comm.bcast(condensed.get(name), root=owner(comm, name)) for name in ("axle", "wheel")}
     axle, wheel = condensed["axle"], condensed["wheel"]
-    return Seat(axle.line, scene.contact), axle, wheel
+    return seat or Seat(axle.line, scene.contact), axle, wheel
 
 
 def friction_field(

@@ -416,16 +416,22 @@ class Factor:
         Returns:
             C of shape (m, m), symmetric to the bit, its rows the unknowns of `last` in the order given.
         """
-        if not self._trailing:
-            return np.zeros((0, 0))
-        C, info = lapack.dpotri(self.trailing_block(), lower=1, overwrite_c=1)
-        if info:
-            raise RuntimeError(f"dpotri returned {info}")
-        for k in range(0, self._trailing, TILE):
-            tile = C[k : k + TILE, k : k + TILE]
-            tile[:] = np.tril(tile) + np.tril(tile, -1).T
-            C[k : k + TILE, k + TILE :] = C[k + TILE :, k : k + TILE].T
-        return C.T  # type: ignore[no-any-return]
+        return inverse_of(self.trailing_block()) if self._trailing else np.zeros((0, 0))
+
+
+def inverse_of(lower: FloatArray) -> FloatArray:
+    """(L L')^-1 of a lower triangle L (m, m), whatever stands above it; symmetric to the bit.
+
+    L is overwritten where it is stored by columns.
+    """
+    C, info = lapack.dpotri(lower, lower=1, overwrite_c=1)
+    if info:
+        raise RuntimeError(f"dpotri returned {info}")
+    for k in range(0, len(C), TILE):
+        tile = C[k : k + TILE, k : k + TILE]
+        tile[:] = np.tril(tile) + np.tril(tile, -1).T
+        C[k : k + TILE, k + TILE :] = C[k + TILE :, k : k + TILE].T
+    return C.T  # type: ignore[no-any-return]
 
 
 def factor(matrix: Any, last: IntArray | None = None, block: int = 1) -> Factor:

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from ..base.arrays import FloatArray, IntArray
-from ..base.cholmod import SINGULAR, NotDefiniteError, factor
+from ..base.cholmod import SINGULAR, NotDefiniteError, factor, inverse_of
 from .extension import extend
 
 UNKNOWNS = 300
@@ -74,17 +74,17 @@ def condensed(K: Any, cells: IntArray, piece: IntArray, loaded: IntArray, others
     pieces = [_piece(K, own, touched[own] > 1, cut, loaded, others) for own in nodes if len(own)]
     trace, size = np.concatenate([loaded, others]), 2 * len(loaded)
     row, column = _places(trace, K.shape[0]), _places(loaded, K.shape[0])
-    out = np.empty((2 * len(trace), size))
+    unknowns = _unknowns(cut)
+    out, moved = np.empty((2 * len(trace), size)), np.empty((len(unknowns), size))  # of the cuts: S^-1 X'
     if len(cut):
-        between, unknowns = _between(K, cut, pieces), _unknowns(cut)
-        moved = np.empty((len(unknowns), size))  # of the cuts, under the loads: S^-1 X'
+        between = _between(K, cut, pieces)
         on_line, on_trace = column[unknowns] >= 0, row[unknowns] >= 0
         moved[:, column[unknowns[on_line]]] = between[:, on_line]
         for part in pieces:
             moved[:, column[part.loaded]] = between[:, part.cut] @ part.follows[: len(part.loaded)].T
         out[row[unknowns[on_trace]]] = moved[on_trace]
     for part in pieces:
-        rows = part.follows @ moved[part.cut] if len(cut) else np.zeros((len(part.trace), size))
+        rows = part.follows @ moved[part.cut]
         rows[:, column[part.loaded]] += part.compliance
         out[row[part.trace]] = rows
     return out
@@ -101,8 +101,8 @@ def _piece(K: Any, nodes: IntArray, outside: IntArray, cut: IntArray, loaded: In
     a, b = 2 * len(line), 2 * len(edge)
     known = np.zeros((a + b, a + b))  # displacements of line and cuts, under loads on the line and moves of the cuts
     if a:
-        known[:a, :a] = _inverse(lower[:a, :a])
         known[:a, a:] = sla.blas.dtrsm(-1.0, lower[:a, :a], lower[a:, :a].T, lower=1, trans_a=1)
+        known[:a, :a] = inverse_of(lower[:a, :a])
     known[a:, a:] = np.eye(b)
     own = known[:a]
     if len(beside):
@@ -129,13 +129,7 @@ def _between(K: Any, cut: IntArray, pieces: list[Piece]) -> FloatArray:
     held = np.diagonal(lower) ** 2 > SINGULAR * stiffness.diagonal()
     if failed or not held.all():
         raise NotDefiniteError(*divmod(int(unknowns[failed - 1 if failed else np.argmin(held)]), 2))
-    return _inverse(lower)
-
-
-def _inverse(lower: FloatArray) -> FloatArray:
-    """(L L')^-1 of a lower triangle, whatever stands above it."""
-    inverse, _ = sla.lapack.dpotri(lower, lower=1)
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
+    return inverse_of(lower)
 
 
 def _unknowns(nodes: IntArray) -> IntArray:

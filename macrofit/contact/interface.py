@@ -185,14 +185,14 @@ def _coupling(
     else:
         gap, axial_share_undeformed = (height + travel) * normal[:, 1], np.zeros_like(s)
     bore_entries = entries(test, values, which, columns)
-    rows = _Rows.between(which, columns, test.shape[1])
-    matrix = rows.matrix(bore_entries)
+    places = _Places.between(which, columns, test.shape[1])
+    matrix = places.matrix(bore_entries)
     return MortarCoupling(
         portions=portions,
         normals=normals,
         nodes=len(bore.nodes),
-        bore=Band(matrix, span, rows.blocks(bore_entries, matrix)),
-        slope=rows.matrix(entries(test, slopes / extent[:, None], which, columns), matrix),
+        bore=Band(matrix, span, places.blocks(bore_entries, matrix)),
+        slope=places.matrix(entries(test, slopes / extent[:, None], which, columns), matrix),
         gap=_mean(test, gap, which, len(portions.facet)),
         axial_share_undeformed=_mean(test, axial_share_undeformed, which, len(portions.facet)),
         thermal_strain=bore.generatrix.thermal_strain,
@@ -201,7 +201,7 @@ def _coupling(
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _Places:
     """Where the entries of a band lie whose points come in ascending portions and columns."""
 
     low: IntArray  # (p,) first column of each portion
@@ -209,7 +209,7 @@ class _Rows:
     moments: int  # rows of a portion
 
     @classmethod
-    def between(cls, portion: IntArray, columns: IntArray, moments: int) -> _Rows:
+    def between(cls, portion: IntArray, columns: IntArray, moments: int) -> _Places:
         """The rows for points (q,) of portions with entries in ``columns`` (q, b)."""
         first = np.searchsorted(portion, np.arange(int(portion[-1]) + 2))
         return cls(columns[first[:-1], 0], columns[first[1:] - 1, -1] + 1, moments)

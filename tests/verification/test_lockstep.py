@@ -358,6 +358,27 @@ def test_a_run_that_fails_ends_alone() -> None:
     assert_same(left, alone([scenes[0], scenes[2]]))
 
 
+class Broken:
+    """A provider that answers nothing, and counts how often it is asked."""
+
+    depends_on = frozenset({"tiles"})
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def coefficients(self, pairs: TilePairs) -> FloatArray:
+        self.asked += 1
+        raise RuntimeError("broken")
+
+
+def test_a_provider_that_fails_is_not_asked_again() -> None:
+    scene, broken = small_path((25.0, 30.0)), Broken()
+    runs = [Run(scene=scene, monitor=Silent(), friction=each) for each in (Listener("a"), broken, Listener("b"))]
+    found = solve_together(runs, MPI.COMM_SELF, assemble(scene, MPI.COMM_SELF))
+    assert [type(each) for each in found] == [Solution, ProviderError, Solution]
+    assert broken.asked == 1
+
+
 def test_journals_of_different_lengths_are_resumed(tmp_path: Path) -> None:
     """One run was killed after two increments, one after five, one did not begin: they meet again."""
     scenes = [small_press(f"{COEFFICIENT}={value}") for value in (0.07, 0.11, 0.2)]

@@ -100,3 +100,5 @@ def test_cutbacks_end_in_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
         ConvergenceError, match=r"no convergence between displacements .* after 3 cutbacks .* try a smaller"
     ):
         list(increments)
+    with pytest.raises(ConvergenceError, match=r"between displacements 15 and 15\.625 mm after 3 cutbacks"):
+        press.advance_to(press.rest(), 20.0)

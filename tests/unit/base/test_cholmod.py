@@ -90,6 +90,14 @@ def test_without_candidates_nothing_is_left(last: IntArray | None) -> None:
     assert factor(lattice(30, 6), last).compliance().shape == (size, size)
 
 
+def test_the_interior_is_ordered() -> None:
+    """A square grid, numbered by rows, fills a band as wide as its side; in a good order half of that."""
+    side = 60
+    row = sparse.diags([-1.0, 2.1, -1.0], [-1, 0, 1], shape=(side, side))
+    made = factor(sparse.kronsum(row, row).tocsr(), np.array([0, side**2 - 1]), 1)
+    assert made.entries < 0.7 * side**3
+
+
 def test_the_trailing_block_may_span_supernodes() -> None:
     """Candidates in two far pieces of the lattice: L_cc has a gap, and the interior of one piece may straddle it."""
     K = sparse.block_diag([lattice(60, 6, seed=1), lattice(50, 6, seed=2)]).tocsr()

@@ -36,6 +36,8 @@ def test_sparse_rows_are_the_dense_matrix(couplings: list[tuple[MortarCoupling, 
         assert np.array_equal(sparse.csr_matrix(rows.bore.matrix).toarray(), dense.bore.matrix)
         assert np.array_equal(sparse.csr_matrix(rows.slope).toarray(), dense.slope)
         assert abs(rows.bore_rows - dense.bore_rows).max() == 0.0
+        moved = rng.normal(size=2 * rows.nodes)
+        assert np.allclose(rows.bore_rows @ moved, rows.bore_moments(moved).ravel(), rtol=1e-12, atol=1e-12)
         forces, bore = rng.normal(size=(2, len(rows.normals))), rng.normal(size=2 * rows.nodes)
         for name, given in (("bore_loads", forces), ("bore_moments", bore), ("bore_slope", bore)):
             one, other = getattr(dense, name)(given), getattr(rows, name)(given)

@@ -76,6 +76,40 @@ def test_what_is_left_of_an_error_is_not_less_than_said() -> None:
     assert _left(1e-8, np.inf, same=True) == 1e-8
 
 
+class Turning:
+    """A slip that first sticks: ``steps`` are the changes of the traction, kappa turns all the time or never."""
+
+    def __init__(self, *steps: float, turned: float) -> None:
+        self.steps, self.turned, self.contact, self.solves = iter(steps), turned, self, 0
+
+    def total(self, traction: FloatArray, kappa: FloatArray) -> FloatArray:
+        """The traction alone."""
+        return traction
+
+    def solve(self, status: Status, kappa: FloatArray, friction: FloatArray) -> LinearSolution:
+        self.solves += 1
+        traction = np.array([[-1.0], [0.1]]) * (1.0 + next(self.steps))
+        return LinearSolution(traction, traction + np.array([[0.0], [1.0]]), traction, kappa + self.turned)
+
+
+def solves(problem: Any) -> int:
+    """Solves until Newton's method ends, from stick."""
+    status = Status(np.array([STICK], dtype=np.int8), np.array([0], dtype=np.int8))
+    assert newton(problem, np.array([0.1]), status, np.zeros(1), 10).converged
+    return int(problem.solves)
+
+
+def test_a_factor_over_a_change_of_status_is_not_believed() -> None:
+    """2e-8 after a large change leaves 4e-11 where all three solves had one status, 2e-10 where the first had not."""
+    assert solves(Turning(1.0, 0.0, 2e-8, 2e-8, turned=1e-12)) == 4
+    assert solves(Turning(1.0, 0.5, 0.0, 2e-8, 2e-8, turned=1e-12)) == 4
+
+
+def test_a_status_that_stays_is_exact_where_kappa_does() -> None:
+    """Its first solve has the factors of its own kappa: no second one to see that nothing changes."""
+    assert solves(Turning(1.0, 0.0, turned=0.0)) == 2
+
+
 def test_loads_follow_kappa_before_it_is_an_answer() -> None:
     """The traction has stopped where kappa, which turns the pressure's load, has not."""
     converged, turned = slipping(Planted(0.0, 0.1))

@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 from small import YIELDING, small_press, solved
 
-from macrofit.assembly import discretise_bodies
+from macrofit.assembly import Assembly, discretise_bodies
 from macrofit.base.arrays import FloatArray
 from macrofit.bodies.body import Body
 from macrofit.bodies.elasticity import stiffness_moduli, von_mises
@@ -20,7 +20,11 @@ from macrofit.plasticity.body import PlasticBody
 from macrofit.plasticity.history import FlowHistory
 from macrofit.plasticity.law import Hardening, PointState
 from macrofit.plasticity.surface import NEAREST, POINTS, SurfaceFit
-from macrofit.scene import load_scene
+from macrofit.scene import Scene, load_scene
+from macrofit.solution import Increment
+from macrofit.solve import solve
+from macrofit.state import State
+from macrofit.stress import Stresses, evaluate_stresses
 
 
 def body(name: str, order: int) -> tuple[Body, StressEvaluator]:
@@ -225,3 +229,21 @@ def test_a_history_has_what_the_points_remember_after_each_increment() -> None:
         assert np.array_equal(getattr(last, name)[[5, 8]], changes[3][name])  # type: ignore[index]
         assert np.array_equal(getattr(last, name)[3], getattr(first, name)[3])
         assert not getattr(first, name)[8].any()
+
+
+def test_once_released_is_the_last_increment_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The largest stress left is that of a run that knows of no other increment, and less than under the press."""
+    scene, alone = small_press("motion.release=true", "output.stress=true"), []
+
+    def twice(scene: Scene, assembly: Assembly, states: list[State], increments: list[Increment]) -> Stresses:
+        alone.append(evaluate_stresses(scene, assembly, states[-1:], increments[-1:]))
+        return evaluate_stresses(scene, assembly, states, increments)
+
+    monkeypatch.setattr("macrofit.solve.evaluate_stresses", twice)
+    solution = solve(scene, MPI.COMM_SELF)
+    assert set(solution.residual) == {"axle", "wheel"}
+    for name, left in solution.residual.items():
+        other = alone[0].extremes[name]
+        assert (left.r_mm, left.z_mm, left.displacement_mm) == (other.r_mm, other.z_mm, other.displacement_mm)
+        assert left.value == pytest.approx(other.value, rel=1e-12)
+        assert left.value < solution.max_von_mises[name].value
