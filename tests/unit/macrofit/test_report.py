@@ -229,14 +229,9 @@ def test_the_page_names_no_other_file(folder, study):
 def test_the_page_of_a_study_has_its_runs(study):
     with browser() as chromium:
         chromium.open(study / "report.html")
-        shown = chromium.evaluate(
-            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
-        )
+        shown, spread = chromium.cells(), chromium.numbers()
         legend = chromium.evaluate("[...document.querySelectorAll('.legend li')].map(e => e.textContent)")
         windows = chromium.evaluate("document.querySelectorAll('rect.window').length")
-        spread = chromium.evaluate(
-            "[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])"
-        )
     rows = {row["run"]: row for row in csv.DictReader((study / "study.csv").open())}
     assert {run for run, *_ in shown} == set(rows)
     assert all(rows[run][column] == value for run, column, value in shown)

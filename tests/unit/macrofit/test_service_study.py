@@ -121,10 +121,7 @@ def test_its_page_has_the_runs_over_what_is_varied(done: tuple[Path, str]) -> No
     assert (told.exit_code, told.stderr) == (0, "")
     with browser() as page:
         page.open(folder / "report.html")
-        shown = page.evaluate(
-            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
-        )
-        spread = page.evaluate("[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])")
+        shown, spread = page.cells(), page.numbers()
         heads = page.evaluate("[...document.querySelectorAll('#runs + div th')].map(e => e.textContent)")
         cells = page.evaluate("[...document.querySelectorAll('#runs + div tr')].map(e => e.textContent)")
         images = page.evaluate("[...document.images].map(i => i.complete && i.naturalWidth > 0)")
