@@ -233,7 +233,10 @@ def test_each_kind_of_doubt_is_said_with_the_runs_that_have_it(tmp_path: Path) -
         for k, each in enumerate(doubts)
     ]
     said = [line for line in _sentences(records, empty) if line.startswith("Doubtful")]
-    assert said == ["Doubtful: 2 of 3 runs, the wheel creeps: 2%", "Doubtful: 1 of 3 runs, steel yielded"]
+    assert said == [
+        "Doubtful: 2 of 3 runs, the first of them: the wheel creeps: 2%",
+        "Doubtful: 1 of 3 runs, steel yielded",
+    ]
 
 
 def test_a_standard_of_the_press_judges_no_service(tmp_path: Path) -> None:
