@@ -32,6 +32,7 @@ from macrofit.figures.body import (
     draw_axis,
     draw_yield,
     largest_node,
+    pushed_to,
     whole_window,
 )
 from macrofit.figures.friction import FLATTEST
@@ -377,6 +378,32 @@ def test_the_stress_picture_names_what_it_shows():
     across, up = (axes.get_position().size * axes.figure.get_size_inches()).tolist()
     z0, z1 = axes.get_xlim()
     assert across / (z1 - z0) == pytest.approx(up / (high - low))
+
+
+@pytest.mark.parametrize(
+    ("keys", "displacement", "pushes"),
+    [
+        ((), 180.0, True),
+        (("motion.release=true",), 179.9, False),
+        (("motion.displacements=[10, 40, 30]",), 30.0, False),
+        (("motion.displacements=[10, 40, 30, 35]",), 35.0, True),
+        (("motion.start=90", "motion.travel=100"), 90.0, True),
+        (("motion.start=90", "motion.travel=100", "wheel.temperature=200", "motion.cooling=3"), 90.0, False),
+        (("contact.direction=axial",), 180.0, False),
+    ],
+)
+def test_a_push_leads_forwards(keys, displacement, pushes):
+    """Not to where the press lets go, pulls, or a wheel cools in place."""
+    scene = load_scene("press-and-pull" if "displacements" in "".join(keys) else "wheelset", keys)
+    assert pushed_to(scene, displacement) is pushes
+
+
+@pytest.mark.parametrize("away", [0.0, 0.05])
+def test_a_released_press_is_shown_without_a_push(away):
+    solution = fake_solution(fake_scene(travel=18.0, increment=2.0, release=True))
+    fields = {18.0 - away: solution.fields[18.0]}
+    axes, _ = stress(dataclasses.replace(solution, fields=fields)).axes
+    assert ("push" in words_of(axes)) is (away == 0.0)
 
 
 @pytest.mark.parametrize(("low", "said"), [(-5.0, ["axis of rotation"]), (0.0, ["axis of rotation"]), (90.0, [])])
