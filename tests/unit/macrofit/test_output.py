@@ -38,9 +38,11 @@ from macrofit.figures.body import (
 from macrofit.figures.friction import FLATTEST
 from macrofit.figures.stress import stress
 from macrofit.monitor import Lines, Progress, Several
+from macrofit.report import write_report
 from macrofit.results import folder as output
 from macrofit.results import summary as report
 from macrofit.results.curves import read_curves, without_rounding
+from macrofit.results.kinds import KINDS
 from macrofit.scene import build_scene, load_scene
 from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
@@ -137,9 +139,30 @@ def test_a_folder_with_something_else_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(OutputError, match="not empty and holds no run of macrofit"):
         output.prepare(tmp_path, owned=False)
+    (tmp_path / "journal.bin").write_text("of another program")
+    with pytest.raises(OutputError, match="not empty and holds no run of macrofit"):
+        output.prepare(tmp_path, owned=False)
     output.prepare(tmp_path, owned=True)
     with pytest.raises(OutputError, match=r"thesis\.tex: cannot be written"):
         output.prepare(tmp_path / "thesis.tex", owned=False)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.what)
+def test_a_folder_of_another_command_is_named(tmp_path, kind):
+    """Begun or finished, it is refused by what it is, and so is its page where it is not finished or has none."""
+    (tmp_path / kind.mark).write_bytes(b"macrofit ")
+    for _ in ("begun", "finished"):
+        with pytest.raises(OutputError, match=f": holds {kind.what}, of {kind.command}; choose another folder"):
+            output.prepare(tmp_path, owned=False)
+        (tmp_path / kind.numbers).write_text("{}")
+    if kind.mark == kind.numbers:
+        with pytest.raises(OutputError, match=f": holds {kind.what}, which has no page"):
+            write_report(tmp_path)
+        return
+    (tmp_path / kind.numbers).unlink()
+    said = rf"{kind.what} that has not ended \({kind.numbers} is missing\); continue it with {kind.command} --resume"
+    with pytest.raises(OutputError, match=said):
+        write_report(tmp_path)
 
 
 def test_clearing_removes_results_only(tmp_path):

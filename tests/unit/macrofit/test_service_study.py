@@ -250,7 +250,7 @@ def test_a_folder_of_a_press_study_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study.bin").write_bytes(b"macrofit study 2\n")
     result = study(tmp_path, *VARIED)
     assert result.exit_code == 2
-    assert "holds no run of macrofit" in result.stderr
+    assert f"{tmp_path}: holds a study, of macrofit study; choose another folder with -o" in result.stderr
 
 
 @pytest.mark.parametrize(
