@@ -156,7 +156,11 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     Raises:
         OutputError: there is none or it is not one of macrofit.
     """
-    columns = read_table(folder / CURVE if folder.is_dir() else folder)
+    path = folder / CURVE if folder.is_dir() else folder
+    kind = None if path.exists() else kind_of(folder)
+    if kind is not None and kind != RUN:
+        raise OutputError(f"{folder}: holds {kind.what}, which has no fitting curve; give the folder of a run")
+    columns = read_table(path)
     return columns["displacement_mm"], columns["force_N"]
 
 

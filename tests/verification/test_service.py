@@ -11,7 +11,7 @@ from benchmarks.service_fuzz import out_of_balance
 from small import small_press
 
 from macrofit.bodies.elasticity import von_mises
-from macrofit.errors import ConvergenceError, SceneError
+from macrofit.errors import ConvergenceError, MacrofitError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping, wheelset
 from macrofit.service.bonded import one_harmonic
@@ -370,12 +370,12 @@ def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "error", "message"),
     [
-        (("service.torsion_limit=90",), "service.torsion_limit: 90 must be above 1/2"),
-        (("motion.start=-900", "motion.travel=-900"), "nothing presses the wheel"),
+        (("service.torsion_limit=90",), SceneError, "service.torsion_limit: 90 must be above 1/2"),
+        (("motion.start=-900", "motion.travel=-900"), ConvergenceError, "nothing presses the wheel"),
     ],
 )
-def test_a_mistake_is_one_line(overrides: tuple[str, ...], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_a_mistake_is_one_line(overrides: tuple[str, ...], error: type[MacrofitError], message: str) -> None:
+    with pytest.raises(error, match=message):
         serve(small_press(*overrides))

@@ -155,6 +155,8 @@ def test_a_folder_of_another_command_is_named(tmp_path, kind):
         with pytest.raises(OutputError, match=f": holds {kind.what}, of {kind.command}; choose another folder"):
             output.prepare(tmp_path, owned=False)
         (tmp_path / kind.numbers).write_text("{}")
+    with pytest.raises(OutputError, match="curve.csv: cannot be" if kind.mark == "journal.bin" else "no fitting curve"):
+        read_curves(tmp_path)
     if kind.mark == kind.numbers:
         with pytest.raises(OutputError, match=f": holds {kind.what}, which has no page"):
             write_report(tmp_path)

@@ -110,6 +110,35 @@ def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]
     assert (folder / "service-study.png").stat().st_size > 10_000
 
 
+def test_a_wheel_that_nothing_holds_is_one_run_that_ended(tmp_path: Path) -> None:
+    """Without friction, or with a clearance; the others go on, and page and table say why."""
+    folder = tmp_path / "study"
+    varied = ("friction.options.coefficient=0,0.2", "wheel.bore_radius=94.85,95.02")
+    result = study(
+        folder, *varied, more=("--keep", "--set", "service.revolutions=1", "--set", "service.seat_limit=1000")
+    )
+    assert (result.exit_code, result.stderr) == (0, "")
+    ended = [row["ended"] for row in rows(folder)]
+    assert ["without it nothing holds the wheel" in each for each in ended[:2]] == [True, False]
+    assert ended[2] == ""
+    assert all("nothing presses the wheel onto its seat" in each for each in (ended[1], ended[3]))
+    assert [row["verdict"] for row in rows(folder)] == ["not judged", "not judged", "accepted", "not judged"]
+    assert [row["nominal_stress_MPa"] == "" for row in rows(folder)] == [True, True, False, True]
+    assert [path.name for path in (folder / "runs").iterdir()] == ["0003"]
+    told = report(folder)
+    assert (told.exit_code, told.stderr) == (0, "")
+    assert "nothing holds the wheel in service" in (folder / "report.html").read_text()
+
+
+def test_a_value_that_no_scene_may_have_is_not_gone_on_with(tmp_path: Path) -> None:
+    result = study(tmp_path / "study", "service.rim_offset=900,0")
+    assert result.exit_code == 2
+    assert "run 1 (rim_offset = 900): service.rim_offset: 900 mm is beyond the rim" in result.stderr
+    assert "continue with --resume once its values are changed" in result.stderr
+    again = study(tmp_path / "study", "service.rim_offset=0")
+    assert again.exit_code == 0, again.stderr
+
+
 def report(folder: Path, *more: str) -> Any:
     return CliRunner(mix_stderr=False).invoke(main, ["report", str(folder), *more])
 
