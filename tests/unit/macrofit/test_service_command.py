@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from serving import SHORT, read_table, service
 
 from macrofit.base import progress
+from macrofit.cli import main
 from macrofit.scene import load_scene
 from macrofit.service import output, run
-from macrofit.service.bonded import _without
+from macrofit.service.bonded import _without, _without_power
 from macrofit.service.output.numbers import _shares_said
 from macrofit.service.run import bonded_only
 
@@ -66,6 +68,40 @@ def test_bonded_solution_says_why_there_is_no_concentration(
 
 def test_hub_that_reaches_the_end_of_the_seat_is_said_to() -> None:
     assert _without(98.0, -1.0) == "the hub reaches the end of the seat, and it is taken 4 mm beside"
+
+
+@pytest.mark.parametrize(
+    ("nominal", "power", "why"),
+    [
+        (98.0, -0.4555, None),
+        (98.0, -1.0, "the shear grows as the distance to the power -1.00, which no edge does; lower mesh.seat_facet"),
+        (98.0, 0.0, "the shear does not grow towards the edge"),
+        (98.0, float("nan"), "fewer than 4 points are 2 to 8 mm from the edge"),
+        (0.0, float("nan"), "nothing bends the axle there"),
+    ],
+)
+def test_a_power_of_the_shear_that_no_edge_has_is_not_said(nominal: float, power: float, why: str | None) -> None:
+    assert _without_power(nominal, power) == why
+
+
+def test_bonded_solution_says_why_the_shear_has_no_power(tmp_path: Path) -> None:
+    """Of three facets the power was -1.58; that of a right angle is -0.46."""
+    result = service(tmp_path / "bonded", "mesh.seat_facet=2.5", bonded=True)
+    assert result.exit_code == 0, result.stderr
+    front, inner = (line for line in result.stdout.splitlines() if " edge " in line)
+    assert inner.endswith(
+        ", no power of the shear, for the shear grows as the distance to the power -1.58, which no edge "
+        "does; lower mesh.seat_facet"
+    )
+    assert "shear as the distance to the power -0." in front
+    found = json.loads((tmp_path / "bonded" / output.NUMBERS).read_text())["bonded"]
+    assert found["inner"]["shear_power"] is None
+    assert found["inner"]["no_shear_power_because"] in inner
+    assert -1.0 < found["front"]["shear_power"] < 0.0
+    assert found["front"]["no_shear_power_because"] is None
+    page = CliRunner().invoke(main, ["report", str(tmp_path / "bonded")])
+    assert page.exit_code == 0
+    assert "no power of the shear, for the shear grows" in (tmp_path / "bonded" / "report.html").read_text()
 
 
 def test_what_takes_long_says_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
