@@ -181,7 +181,7 @@ def pushed_to(scene: Scene, displacement: float) -> bool:
     if scene.direction != "radial" or not len(there):
         return False
     last = int(there[-1])
-    return not scene.motion.cooling if last == 0 else bool(places[last] > places[last - 1])
+    return last == 0 or bool(places[last] > places[last - 1])
 
 
 def draw_push(axes: Any, wheel: BodyField, window: Window) -> None:

@@ -171,6 +171,8 @@ def test_clearing_removes_results_only(tmp_path):
     solution = fake_solution()
     output.write_fields(tmp_path, solution)
     output.write_summary(tmp_path, {})
+    for page in ("report.html", "report.pdf"):
+        (tmp_path / page).write_text("of them")
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "fields" / "view.pvsm").write_text("mine")
     output.clear(tmp_path)

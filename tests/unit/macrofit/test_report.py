@@ -24,6 +24,7 @@ from click.testing import CliRunner
 
 from macrofit.cli import main
 from macrofit.report.chart import BOTTOM, Frame, Window, names, overlay, ticks
+from macrofit.report.inputs import MOST_ROWS, studied
 from macrofit.report.page import pictures
 from macrofit.report.pdf import found_browser
 from macrofit.report.seat import MOST_VALUES, SHOWN, Seat, seat_view, shown_increments
@@ -386,6 +387,15 @@ def test_page_of_older_results_is_removed(folder, tmp_path, renew):
     assert not (copy / "report.html").exists()
     assert not (copy / "report.pdf").exists()
     assert (copy / "fit-4711.html").exists()
+
+
+def test_the_table_of_a_study_ends_and_says_so(tmp_path):
+    """It has the measures of which there is a spread, and the first runs; how many more there are is said."""
+    numbers = {"title": "many", "keys": ["a"], "statistics": {"peak": {}}}
+    found = studied(tmp_path, numbers, list(range(MOST_ROWS + 3)), {}, {"peak": ("peak", 1.0), "slip": ("slip", 1.0)})
+    assert (found["rows"], found["more"]) == (list(range(MOST_ROWS)), 3)
+    assert list(found["statistics"]) == ["peak"]
+    assert studied(tmp_path, numbers, [1], {}, {})["more"] == 0
 
 
 def test_what_made_a_run_is_in_its_summary(folder):

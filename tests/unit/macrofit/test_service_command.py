@@ -15,7 +15,7 @@ from macrofit.cli import main
 from macrofit.scene import load_scene
 from macrofit.service import output, run
 from macrofit.service.bonded import _without, _without_power
-from macrofit.service.output.numbers import _shares_said
+from macrofit.service.output.numbers import _shares_said, unit_doubts
 from macrofit.service.run import bonded_only
 
 
@@ -165,6 +165,13 @@ def test_slip_of_a_wheel_that_lifts_off_everywhere_is_not_known(tmp_path: Path) 
     assert found["friction_work_N_mm"] > 0.0
     assert "Front slip      not known, no place there stays in contact all around" in result.stdout
     assert "Steady          not known" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("nominal", "odd"), [(0.0, False), (0.9, True), (1.0, False), (110.0, False), (250.0, False), (251.0, True)]
+)
+def test_loads_that_no_axle_has_at_work_are_doubted(nominal: float, odd: bool) -> None:
+    assert [doubt.partition(":")[0] for doubt in unit_doubts(nominal)] == ["odd loads"] * odd
 
 
 def test_a_wheel_that_lifts_off_is_turned_as_often_as_asked(tmp_path: Path) -> None:

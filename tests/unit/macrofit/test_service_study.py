@@ -107,6 +107,7 @@ def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]
     assert totals["statistics"]["friction_work_N_mm"]["runs"] == 2
     assert totals["statistics"]["nominal_stress_MPa"]["runs"] == 4
     assert "Ended early     2 runs; run 2: service: no equilibrium" in said
+    assert not (folder / "runs").exists()  # without --keep
     assert (folder / "service-study.png").stat().st_size > 10_000
 
 

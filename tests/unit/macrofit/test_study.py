@@ -30,7 +30,7 @@ from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
-from macrofit.study.output import _verdict_totals
+from macrofit.study.output import _verdict_totals, open_study
 from macrofit.study.panels import _panel, stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
 from macrofit.study.run import RunWorker, carry_out_study
@@ -485,6 +485,16 @@ def test_a_reference_may_be_one_of_the_runs(scene_file):
     assert (totals(Path("out"))["computed_runs"], totals(Path("out"))["resumed_runs"]) == (2, 0)
     first, _, last = rows(Path("out"))
     assert first["peak_force_N"] == last["peak_force_N"]
+
+
+def test_a_new_study_leaves_no_page_of_the_old_one_even_if_it_is_killed(scene_file):
+    plan, page = plan_study(scene_file, ["motion.travel=30,40"]), Path("out/report.html")
+    open_study(Path("out"), plan, resume=False).close()
+    page.write_text("older")
+    open_study(Path("out"), plan, resume=True).close()
+    assert page.exists()
+    open_study(Path("out"), plan, resume=False).close()
+    assert not page.exists()
 
 
 def test_the_folder_of_something_else_is_refused(scene_file):
