@@ -45,6 +45,18 @@ class Browser:
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
 
+    def numbers(self) -> list[tuple[str, float]]:
+        """Key and value of each number of a JSON file in a page of macrofit."""
+        found = self.evaluate("[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])")
+        return [(key, value) for key, value in found]
+
+    def cells(self) -> list[tuple[str, str, str]]:
+        """Run, column and value of each number in the table of a study."""
+        found = self.evaluate(
+            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
+        )
+        return [(run, column, value) for run, column, value in found]
+
     def press(self, key: str, code: int) -> None:
         """Press and release a key, as a user does."""
         for kind in ("rawKeyDown", "keyUp"):

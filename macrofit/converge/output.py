@@ -9,6 +9,7 @@ from ..base.files import write_json
 from ..presets import PRESETS
 from ..results.doubts import doubtful_lines
 from ..results.foresight import foreseen
+from ..results.kinds import CONVERGENCE
 from ..results.versions import versions
 from ..scene import dump_scene
 from .estimate import GROWING, SHARP, Estimate
@@ -16,7 +17,7 @@ from .estimate import GROWING, SHARP, Estimate
 if TYPE_CHECKING:
     from .run import Convergence
 
-NUMBERS = "convergence.json"
+NUMBERS = CONVERGENCE.numbers
 
 
 def write_convergence(folder: Path, found: Convergence) -> None:

@@ -15,6 +15,7 @@ from ..base.arrays import FloatArray, IntArray
 from ..base.figure import VERMILION, placed
 
 if TYPE_CHECKING:
+    from ..scene import Scene
     from ..solution import BodyField
 
 YIELDED = 1e-5
@@ -171,6 +172,16 @@ def draw_axis(axes: Any, window: Window, *, named: bool = True) -> None:
             ha="right", va="top" if below else "bottom", annotation_clip=False, color="0.25" if below else "white",
             zorder=5,
         )  # fmt: skip
+
+
+def pushed_to(scene: Scene, displacement: float) -> bool:
+    """Whether a push along the axle leads to this displacement [mm]: none where the press lets go, cools or pulls."""
+    places = np.array(scene.displacements)
+    there = np.flatnonzero(np.abs(places - displacement) < 1e-9)
+    if scene.direction != "radial" or not len(there):
+        return False
+    last = int(there[-1])
+    return last == 0 or bool(places[last] > places[last - 1])
 
 
 def draw_push(axes: Any, wheel: BodyField, window: Window) -> None:

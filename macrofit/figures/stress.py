@@ -29,6 +29,7 @@ from .body import (
     mark_largest,
     mark_largest_node,
     name_bodies,
+    pushed_to,
     whole_window,
     window_around,
 )
@@ -66,6 +67,8 @@ def stress(solution: Solution, zoom: float | None = None) -> Any:
     for k, view in enumerate(views):
         axes = placed(figure, LEFT + k * (width + BETWEEN), BELOW, width, height)
         drawn = _draw_view(axes, solution, bodies, view, top)
+        if zoom is None and "wheel" in bodies and pushed_to(solution.scene, at):
+            draw_push(axes, bodies["wheel"], view.window)
         name_bodies(axes, bodies, view.window, _mark(axes, bodies, marks, view.window))
         axes.set_ylabel("" if k else "r [mm]")
     colour_bar(figure, drawn, "von Mises stress [MPa]", (across - RIGHT + 0.15, BELOW, 0.16, min(height, 4.5)))
@@ -80,8 +83,6 @@ def _draw_view(axes: Any, solution: Solution, bodies: Mapping[str, BodyField], v
     drawn = draw_bodies(axes, bodies, view.window, values, scale=Normalize(0.0, top or 1.0))
     for body, field in bodies.items():
         draw_yield(axes, field, view.window, bounds.get(body))
-    if solution.scene.direction == "radial" and "wheel" in bodies and not view.title:
-        draw_push(axes, bodies["wheel"], view.window)
     draw_axis(axes, view.window)
     axes.set_xlabel("z [mm]")
     axes.set_title(view.title, fontsize=9, y=1.0)

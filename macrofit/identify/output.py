@@ -14,11 +14,12 @@ from ..base.ranks import made_by_first, raise_together
 from ..base.toml import last_part
 from ..monitor import lines_of_first
 from ..results.folder import prepare_for_all
+from ..results.kinds import IDENTIFICATION
 from ..results.versions import versions
 from .fit import Identification, identify
 from .measured import Reading, read_measured
 
-NUMBERS, CURVES, FIGURE = "identification.json", "identified_curve.csv", "identification.png"
+NUMBERS, CURVES, FIGURE = IDENTIFICATION.numbers, "identified_curve.csv", "identification.png"
 MISFIT = 0.1
 """Residual over the largest force above which a value is doubtful [-]."""
 COVERED = 0.2

@@ -7,10 +7,9 @@ from pathlib import Path
 from ..base.files import check_regular, write_text
 from ..errors import OutputError
 from ..results.folder import PAGE, SCENE, SUMMARY
+from ..results.kinds import CONVERGENCE, IDENTIFICATION, SERVICE, SERVICE_STUDY, STUDY, kind_of
 from .page import MOST_BYTES, rendered
 from .pdf import write_pdf
-
-STUDY, SERVICE, SERVICE_TOTALS = "study.json", "service.json", "service-study.json"
 
 
 def write_report(
@@ -50,19 +49,19 @@ def write_report(
 
 def _page(folder: Path, standard: str | None, wheel: str | None) -> str:
     judged = standard is not None or wheel is not None
-    if (folder / SERVICE).is_file():
+    if (folder / SERVICE.numbers).is_file():
         if judged:
             raise OutputError(f"{folder}: is no press fit alone, but its service; leave --standard and --wheel out")
         from .service import service_page
 
         return rendered("service.html", service_page(folder))
-    if (folder / STUDY).is_file():
+    if (folder / STUDY.numbers).is_file():
         if judged:
             raise OutputError(f"{folder}: is a study, whose runs are judged already; leave --standard and --wheel out")
         from .study import study_page
 
         return rendered("study.html", study_page(folder))
-    if (folder / SERVICE_TOTALS).is_file():
+    if (folder / SERVICE_STUDY.numbers).is_file():
         if judged:
             raise OutputError(f"{folder}: is a study of wheelsets in service; leave --standard and --wheel out")
         from .service_study import service_study_page
@@ -84,8 +83,15 @@ def _check_run(folder: Path) -> None:
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; give one that macrofit run, study or service has written")
-    if not (folder / SCENE).is_file():
-        raise OutputError(f"{folder}: holds no run of macrofit ({SCENE} is missing) and no study ({STUDY} is missing)")
-    if not (folder / SUMMARY).is_file():
-        raise OutputError(f"{folder}: the run has not ended ({SUMMARY} is missing); continue it with --resume")
+    kind = kind_of(folder)
+    if kind is not None and kind in (IDENTIFICATION, CONVERGENCE):
+        raise OutputError(f"{folder}: holds {kind.what}, which has no page; report a run, a study or a service")
+    if kind is not None and not (folder / kind.numbers).is_file():
+        raise OutputError(
+            f"{folder}: holds {kind.what} that has not ended ({kind.numbers} is missing); "
+            f"continue it with {kind.command} --resume"
+        )
+    for missing in (SCENE, SUMMARY):
+        if not (folder / missing).is_file():
+            raise OutputError(f"{folder}: holds no run of macrofit, no study and no service ({missing} is missing)")
     check_regular(folder / SUMMARY, MOST_BYTES)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..base.progress import printable
-from .page import Numbers, pictures, read_json
-from .study import MOST_PICTURES, MOST_ROWS, study_rows
+from .inputs import studied
+from .page import read_json
+from .study import study_rows
 
 NEEDED = ("title", "scene", "keys", "runs", "statistics", "verdicts", "ended", "doubts", "versions", "provenance")
 COLUMNS = {
@@ -30,21 +30,7 @@ def service_study_page(folder: Path) -> dict[str, Any]:
     numbers = read_json(folder / "service-study.json", NEEDED)
     keys = numbers["keys"]
     rows = study_rows(folder / "service-study.csv", ("run", "label", *keys, "verdict", "ended"), COLUMNS)
-    shown, left_out = pictures(folder, MOST_PICTURES)
-    return {
-        "title": printable(numbers["title"]) or folder.resolve().name,
-        "folder": printable(str(folder)),
-        "number": Numbers(numbers),
-        "numbers": numbers,
-        "rows": [(row, _values(row, keys)) for row in rows[:MOST_ROWS]],
-        "more": max(0, len(rows) - MOST_ROWS),
-        "columns": COLUMNS,
-        "keys": keys,
-        "statistics": {key: said for key, said in COLUMNS.items() if key in numbers["statistics"]},
-        "pictures": shown,
-        "left_out": left_out,
-        "provenance": numbers["provenance"],
-    }
+    return studied(folder, numbers, [(row, _values(row, keys)) for row in rows], COLUMNS, COLUMNS)
 
 
 def _values(row: dict[str, str], keys: list[str]) -> list[str]:

@@ -17,13 +17,10 @@ from ..base.progress import printable
 from ..errors import OutputError
 from ..results.curves import STUDY_CURVES, study_curves
 from .chart import Window, overlay
-from .page import MOST_BYTES, Numbers, pictures, read_json
+from .inputs import MOST_ROWS, studied
+from .page import MOST_BYTES, read_json
 
 NEEDED = ("title", "keys", "runs", "statistics", "verdicts", "doubts", "versions")
-MOST_ROWS = 200
-"""Runs in the table, and curves in the overlay; all are in the files."""
-MOST_PICTURES = 1_050_000
-"""Bytes of all pictures, beside the table and the curves."""
 MOST_POINTS = 100
 """Points of a curve of the overlay."""
 COLUMNS = {
@@ -48,22 +45,8 @@ def study_page(folder: Path) -> dict[str, Any]:
     rows = study_rows(folder / "study.csv", ("run", "label", "verdict", "refused_for"), COLUMNS)
     curves = _drawn(folder / STUDY_CURVES)
     references = sum(not run["values"] for run in numbers["runs"]) if numbers["keys"] else 0
-    shown, left_out = pictures(folder, MOST_PICTURES)
-    return {
-        "title": printable(numbers["title"]) or folder.resolve().name,
-        "folder": printable(str(folder)),
-        "number": Numbers(numbers),
-        "numbers": numbers,
-        "rows": rows[:MOST_ROWS],
-        "more": max(0, len(rows) - MOST_ROWS),
-        "columns": COLUMNS,
-        "keys": numbers["keys"],
-        "statistics": {key: said for key, said in STATISTICS.items() if key in numbers["statistics"]},
-        "curves": overlay(curves, _windows(numbers["verdicts"]), references) if curves else Markup(""),
-        "pictures": shown,
-        "left_out": left_out,
-        "provenance": numbers.get("provenance", {"date": "not recorded", "command": "not recorded"}),
-    }
+    drawn = overlay(curves, _windows(numbers["verdicts"]), references) if curves else Markup("")
+    return studied(folder, numbers, rows, COLUMNS, STATISTICS) | {"curves": drawn}
 
 
 def _drawn(path: Path) -> list[tuple[str, FloatArray, FloatArray]]:

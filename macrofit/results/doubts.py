@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -53,14 +52,19 @@ def doubtful_lines(sentences: Sequence[str]) -> list[str]:
 
 
 def doubtful_runs(runs: Sequence[Sequence[str]]) -> list[str]:
-    """A line for each kind of doubt about several runs, with how many have it and the first of its sentences."""
-    first: dict[str, str] = {}
-    count: Counter[str] = Counter()
-    for sentences in runs:
-        kinds = {sentence.partition(":")[0]: sentence for sentence in sentences}
-        count.update(kinds.keys())
-        first = kinds | first
-    return doubtful_lines([f"{count[kind]} of {len(runs)} runs, {first[kind]}" for kind in count])
+    """A line for each kind of doubt about several runs: how many have it, and its sentence.
+
+    Where sentences differ it is the first, and said to be: which one is the worst their words do not tell.
+    """
+    found: dict[str, dict[int, str]] = {}
+    for number, sentences in enumerate(runs):
+        for sentence in sentences:
+            found.setdefault(sentence.partition(":")[0], {}).setdefault(number, sentence)
+    told = []
+    for said in found.values():
+        first, *others = dict.fromkeys(said.values())
+        told.append(f"{len(said)} of {len(runs)} runs, {'the first of them: ' if others else ''}{first}")
+    return doubtful_lines(told)
 
 
 def allow_none(sentences: Sequence[str], folder: object) -> None:

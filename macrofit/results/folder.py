@@ -21,15 +21,15 @@ from ..base.ranks import raise_together
 from ..errors import OutputError
 from ..scene import Scene, dump_scene
 from ..solution import BodyField, FacetState, Increment, PairFrictionMap
+from .kinds import RUN, kind_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..solution import Solution
 
-JOURNAL, SCENE, CURVE, SUMMARY, INTERFACE, FIELDS = (
-    "journal.bin", "scene.toml", "fitting_curve.csv", "summary.json", "interface.h5", "fields"
-)  # fmt: skip
+JOURNAL, SUMMARY = RUN.mark, RUN.numbers
+SCENE, CURVE, INTERFACE, FIELDS = "scene.toml", "fitting_curve.csv", "interface.h5", "fields"
 HEADER = (
     "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,sticking_facets,"
     "newton_iterations,wall_s"
@@ -46,11 +46,14 @@ def prepare(folder: Path, *, owned: bool) -> None:
     """Make the folder and make sure it can be written to.
 
     Raises:
-        OutputError: it is not writable; or it is not empty and, not ``owned``, holds no run of macrofit.
+        OutputError: it is not writable; or it is not empty and, not ``owned``, holds something else.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         if not owned and any(folder.iterdir()):
+            kind = kind_of(folder)
+            if kind is not None:
+                raise OutputError(f"{folder}: holds {kind.what}, of {kind.command}; choose another folder with -o")
             raise OutputError(f"{folder}: is not empty and holds no run of macrofit; choose another folder with -o")
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"macrofit")
@@ -153,7 +156,11 @@ def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
     Raises:
         OutputError: there is none or it is not one of macrofit.
     """
-    columns = read_table(folder / CURVE if folder.is_dir() else folder)
+    path = folder / CURVE if folder.is_dir() else folder
+    kind = None if path.exists() else kind_of(folder)
+    if kind is not None and kind != RUN:
+        raise OutputError(f"{folder}: holds {kind.what}, which has no fitting curve; give the folder of a run")
+    columns = read_table(path)
     return columns["displacement_mm"], columns["force_N"]
 
 

@@ -19,6 +19,9 @@ from .wheelset import Wheelset
 
 EDGE = (2.0, 8.0)
 """Distances from an edge between which the power of the shear is fitted [mm]."""
+FEWEST = 4
+"""Fewest points that it is fitted to."""
+NO_BENDING = "nothing bends the axle there"
 OUTSIDE = 4.0
 """Distance beside the hub where the stress concentration is taken [mm]."""
 
@@ -43,7 +46,8 @@ class Edge:
     nominal_stress: float  # MPa, there
     concentration: float | None  # stress over the nominal one, OUTSIDE mm beside the hub
     without: str | None  # why there is none
-    shear_power: float | None  # exponent of the shear within EDGE; None: too few facets
+    shear_power: float | None  # exponent of the shear within EDGE
+    without_power: str | None  # why there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,23 +105,38 @@ def _edge(whole: Wheelset, name: str, z: FloatArray, ratio: FloatArray, shear: F
     concentration = float(np.interp(at + out * OUTSIDE, z, ratio, left=np.nan, right=np.nan))
     distance = out * (at - place)
     inside = (distance > EDGE[0]) & (distance < EDGE[1]) & (shear > 0.0)
-    power = None
-    if inside.sum() >= 4:
+    power = np.nan
+    if inside.sum() >= FEWEST:
         power = float(np.polyfit(np.log(distance[inside]), np.log(shear[inside]), 1)[0])
     nominal = float(whole.nominal_stress(np.array([at]))[0])
+    no_power = _without_power(nominal, power)
     return Edge(
         name=name,
         z=float(at),
         nominal_stress=nominal,
         concentration=concentration if np.isfinite(concentration) else None,
         without=None if np.isfinite(concentration) else _without(nominal, out * (z[0 if out < 0.0 else -1] - at)),
-        shear_power=power,
+        shear_power=power if no_power is None else None,
+        without_power=no_power,
     )
 
 
 def _without(nominal: float, left: float) -> str:
     """Why there is no concentration beside an edge; the last facet's middle stands ``left`` mm beside it."""
     if nominal == 0.0:
-        return "nothing bends the axle there"
+        return NO_BENDING
     ends = f"the last facet is {left:.2g} mm beside the hub" if left > 0.0 else "the hub reaches the end of the seat"
     return f"{ends}, and it is taken {OUTSIDE:g} mm beside"
+
+
+def _without_power(nominal: float, power: float) -> str | None:
+    """Why the power of the shear says nothing; NaN where there were too few points. An edge has one of 0 to -1."""
+    if nominal == 0.0:
+        return NO_BENDING
+    if np.isnan(power):
+        return f"fewer than {FEWEST} points are {EDGE[0]:g} to {EDGE[1]:g} mm from the edge"
+    if power >= 0.0:
+        return "the shear does not grow towards the edge"
+    if power <= -1.0:
+        return f"the shear grows as the distance to the power {power:.2f}, which no edge does; lower mesh.seat_facet"
+    return None

@@ -22,13 +22,14 @@ from ..errors import OutputError
 from ..results.encoding import PackedArray, State, packed, unpacked
 from ..results.folder import prepare, remove_page, write_scene
 from ..results.journal import Journal, file_digests, is_journal, scene_digest
+from ..results.kinds import SERVICE
 from ..scene import Scene
 from ..scene.keys import ServiceKeys
 from .output import NUMBERS, RESULTS
 from .rotation import Moment, Rotation
 from .wheelset import service_keys
 
-PRESS, ROTATION = "press.bin", "rotation.bin"
+PRESS, ROTATION = SERVICE.mark, "rotation.bin"
 MAGIC = b"macrofit rotation 1\n"
 LARGEST_FILE = 100_000_000_000
 """Size of a file of steps; a thousand revolutions of a fine mesh have 4 GB."""

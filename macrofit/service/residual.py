@@ -17,7 +17,7 @@ from ..bodies.stress import StressEvaluator
 from ..bodies.surface import surface_stress as nodal_stress
 from ..contact.cooling import warmed
 from ..contact.interface import MortarCoupling, couple_lines
-from ..errors import SceneError
+from ..errors import ConvergenceError, SceneError
 from ..friction import GivenFriction, ScriptFriction
 from ..plasticity.surface import SurfaceFit
 from ..press import REACH, Press
@@ -79,8 +79,8 @@ def pressed_and_released(
     that of the same bodies, where it is there already; ``tell`` hears how far the press is.
 
     Raises:
-        SceneError: the bodies never meet, or nothing holds the wheel.
-        ConvergenceError: an increment cannot be solved, or no place without force is found.
+        SceneError: the bodies never meet.
+        ConvergenceError: an increment cannot be solved, no place without force is found, or nothing holds the wheel.
     """
     scene = msgspec.structs.replace(scene, motion=msgspec.structs.replace(scene.motion, release=False))
     assembly = assemble(scene, MPI.COMM_SELF) if assembly is None else assembly
@@ -93,15 +93,15 @@ def pressed_and_released(
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
     if held and after.friction_force == 0.0:
-        raise SceneError(SMOOTH)
+        raise ConvergenceError(SMOOTH)
     steps, _ = let_go(press, after) if held else press.advance_to(before, after.displacement, strain)
     if not steps[-1].facets.pressure.any():
-        raise SceneError(
+        raise ConvergenceError(
             f"service: at {after.displacement:g} mm nothing presses the wheel onto its seat; change motion.travel or "
             f"the radii"
         )
     if not steps[-1].facets.friction.any():
-        raise SceneError(SMOOTH)
+        raise ConvergenceError(SMOOTH)
     found = _residual(press, steps[-1], after.axial_force, assembly)
     return replace(found, plastic_strain=flowed), assembly.bodies
 

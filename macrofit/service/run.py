@@ -178,8 +178,8 @@ def serve(
         friction: an object in place of the scene's [friction], see `solve`.
 
     Raises:
-        SceneError: nothing can bend, or nothing holds the wheel.
-        ConvergenceError: the press, or the wheel slides or lifts off in service.
+        SceneError: nothing can bend.
+        ConvergenceError: the press, or nothing holds the wheel: it slides or lifts off in service.
     """
     return Course(scene, say, Kept()).carry_out(friction)
 

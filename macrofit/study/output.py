@@ -18,6 +18,7 @@ from ..base.progress import duration, printable, say
 from ..errors import OutputError
 from ..results.doubts import doubtful_runs
 from ..results.folder import JOURNAL, prepare, remove_page, write_numbers
+from ..results.kinds import STUDY
 from ..results.versions import session, versions
 from ..solution import Extreme
 from .fields import FIELDS
@@ -25,7 +26,8 @@ from .plan import Plan, PlannedRun
 from .record import RunRecord, StudyFile, held_digests, is_study, total
 from .statistics import BODIES, measured_samples, statistics, varied
 
-STUDY_FILE, ROWS, CURVES, TOTALS, RUNS = "study.bin", "study.csv", "curves.csv", "study.json", "runs"
+STUDY_FILE, TOTALS = STUDY.mark, STUDY.numbers
+ROWS, CURVES, RUNS = "study.csv", "curves.csv", "runs"
 COUNTERS = ("newton_iterations", "provider_calls", "pairs_asked")
 SAY_EVERY_S = 2.0
 

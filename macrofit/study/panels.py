@@ -25,6 +25,7 @@ from ..figures.body import (
     inside,
     mark_largest_node,
     name_bodies,
+    pushed_to,
     whole_window,
     window_around,
 )
@@ -48,6 +49,7 @@ class _Panel(NamedTuple):
 
 
 class _Row(NamedTuple):
+    displacement: float  # mm
     window: Window
     title: str
     panels: list[_Panel]
@@ -78,7 +80,7 @@ def stress_panels(shown: Shown, zoom: float | None = None) -> Any:
                 colours="RdBu_r" if panel.difference else "viridis",
             )  # fmt: skip
             if not panel.difference:
-                _annotate(axes, row.window, panel.bodies, run, whole=zoom is None)
+                _annotate(axes, row, panel.bodies, run, whole=zoom is None)
             elif zoom is None:
                 draw_axis(axes, row.window, named=False)
             axes.set_title(_title(shown, run, row, panel, column, first=k == 0), fontsize=8.5)
@@ -99,7 +101,7 @@ def _rows(shown: Shown, zoom: float | None) -> Iterator[_Row]:
         columns = [fields.get(displacement, {}) for _, fields in shown]
         panels = [_panel(columns[0], bodies, first=k == 0) for k, bodies in enumerate(columns)]
         for window, name in _windows(shown, columns, zoom):
-            yield _Row(window, f"{displacement:g} mm{name}", panels)
+            yield _Row(displacement, window, f"{displacement:g} mm{name}", panels)
 
 
 def _panel(reference: Bodies, bodies: Bodies, *, first: bool) -> _Panel:
@@ -152,15 +154,15 @@ def _scale(rows: Sequence[_Row], *, difference: bool) -> Any:
     return Normalize(-(top or 1.0) if difference else 0.0, top or 1.0)
 
 
-def _annotate(axes: Any, window: Window, bodies: Bodies, run: PlannedRun, *, whole: bool) -> None:
+def _annotate(axes: Any, row: _Row, bodies: Bodies, run: PlannedRun, *, whole: bool) -> None:
     """Names, axis, push, the largest stress, and where an elastic body is beyond its yield stress."""
-    bounds = yield_stresses(run.scene)
+    window, bounds = row.window, yield_stresses(run.scene)
     for body, field in bodies.items():
         if getattr(run.scene, body).material.elastic:
             draw_yield(axes, field, window, bounds.get(body))
     if whole:
         draw_axis(axes, window)
-        if run.scene.direction == "radial" and "wheel" in bodies:
+        if "wheel" in bodies and pushed_to(run.scene, row.displacement):
             draw_push(axes, bodies["wheel"], window)
     if bodies:
         name_bodies(axes, bodies, window, mark_largest_node(axes, bodies, window))

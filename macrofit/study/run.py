@@ -15,7 +15,7 @@ from mpi4py import MPI
 from ..assembly import BODY_KEYS, Assembly, assemble
 from ..base.farm import Stopped, deal
 from ..base.ranks import raise_together
-from ..errors import MacrofitError
+from ..errors import ConvergenceError, MacrofitError, MeshError, SceneError
 from ..lockstep.solve import Run, common_to, solve_together
 from ..monitor import Several, Silent
 from ..results.agreement import agree
@@ -27,6 +27,8 @@ from .output import StudyProgress, open_study, run_folder, write_study
 from .plan import Plan, PlannedRun
 from .record import RecordFile, RunRecord, StudyFile
 
+WRONG = (SceneError, MeshError, ConvergenceError)
+"""What the values of a run are to blame for: it would end again."""
 MOST_TOGETHER = 8
 """Runs in lockstep: what a rank has in hand, and what a study that is interrupted computes again."""
 
@@ -199,7 +201,8 @@ def naming(run: PlannedRun) -> Iterator[None]:
     except Stopped:
         raise
     except MacrofitError as error:
-        raise type(error)(f"{run.name}: {error}; what was computed is kept, continue with --resume") from error
+        changed = " once its values are changed" if isinstance(error, WRONG) else ""
+        raise type(error)(f"{run.name}: {error}; what was computed is kept, continue with --resume{changed}") from error
 
 
 def asks_for_fields(scene: Scene) -> bool:

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from benchmarks.service_fuzz import out_of_balance
 from small import small_press
 
+from macrofit.base.arrays import FloatArray
 from macrofit.bodies.elasticity import von_mises
-from macrofit.errors import ConvergenceError, SceneError
+from macrofit.errors import ConvergenceError, MacrofitError, SceneError
 from macrofit.scene import Scene, build_scene, load_scene
 from macrofit.service import rotation, slipping, wheelset
 from macrofit.service.bonded import one_harmonic
 from macrofit.service.history import slip_left
+from macrofit.service.journal import Kept
 from macrofit.service.output.numbers import service_doubts
 from macrofit.service.residual import pressed_and_released
-from macrofit.service.run import Service, bonded_only, serve
+from macrofit.service.rotation import Rotation
+from macrofit.service.run import Course, Service, bonded_only, serve
 from macrofit.service.seat_stress import MM, MT, TT, facet_mean
+from macrofit.service.wheelset import Loads
 from macrofit.solve import solve
 
 COARSE = (
@@ -100,6 +108,60 @@ def test_grip_is_that_of_the_fit_and_loads_within_it_are_tried() -> None:
     assert 0.33 < float(str(found.value).split("beyond ")[1].split("%")[0]) / 100.0 < 0.56
     with pytest.raises(ConvergenceError, match=r"is possible beyond 0\.05"):
         serve(small(*given, *nothing, f"service.torque={20.0 * holds}"))
+
+
+def grip_of(*more: str) -> tuple[Rotation, Loads, FloatArray]:
+    """A fit that can turn, its loads, and the normal force of each place in all steps of a revolution [N]."""
+    course = Course(small("motion.increment=30", "service.steps=9", "service.revolutions=1", *more), print, Kept())
+    whole, turning = course.carry_out().whole, course.rotation
+    assert turning is not None
+    return turning, whole.loads, -turning.steps * turning.rest().traction[0, 0] * whole.fit.weight
+
+
+def refused(turning: Rotation, loads: Loads, force: float) -> bool:
+    """Whether a torque that asks for this shear force [N] is refused."""
+    torque = force * float(turning.kernel.fit.lines[0].radius.max())
+    try:
+        rotation.check_grip(turning, replace(loads, keys=msgspec.structs.replace(loads.keys, torque=torque)))
+    except ConvergenceError as error:
+        return "no equilibrium is possible" in str(error)
+    return False
+
+
+def test_loads_that_press_the_fit_together_help_friction_to_hold() -> None:
+    turning, loads, normal = grip_of()
+    slope = np.abs(turning.kernel.fit.normals[:, 1])
+    pressed = np.abs(turning.kernel.load_at(0.0)[:, : len(normal)]).mean(axis=0) @ turning.kernel.fit.weight
+    held, more = float(normal @ (0.2 + slope)), rotation.PRESSED * float((0.2 + slope.max()) * pressed)
+    assert 0.005 * held < more < 0.1 * held
+    assert [refused(turning, loads, held + share * more) for share in (0.9, 1.1)] == [False, True]
+
+
+def test_pressure_on_a_cone_helps_friction_to_hold() -> None:
+    nothing = ("service.journal_force=0", "service.journal_moment=0")
+    turning, loads, normal = grip_of("axle.taper=0.0033", "wheel.bore_taper=0.0033", *nothing)
+    slope = float(np.median(np.abs(turning.kernel.fit.normals[:, 1])))
+    assert 1e-3 < slope < 1e-2
+    assert [refused(turning, loads, (0.2 + way * slope) * float(normal.sum())) for way in (0.9, 3.0)] == [False, True]
+
+
+@pytest.mark.parametrize(("offset", "said"), [(62.0, ""), (-62.0, ""), (80.0, "beyond the rim"), (-80.0, "beyond")])
+def test_a_rail_beside_the_rim_is_refused_on_either_side(offset: float, said: str) -> None:
+    if not said:
+        bonded_only(small(f"service.rim_offset={offset}"))
+        return
+    with pytest.raises(SceneError, match=said):
+        bonded_only(small(f"service.rim_offset={offset}"))
+
+
+def test_what_is_kept_between_iterations_is_taken_anew_where_others_slip() -> None:
+    """Few more moments than slip are kept: a product with them takes as long."""
+    taken: list[int] = []
+    kernel: Any = SimpleNamespace(fit=SimpleNamespace(moments=100), between=lambda places: taken.append(len(places)))
+    nearby = slipping.Nearby(kernel)
+    for moments, kept in ((range(50), 50), (range(45), 50), (range(40, 52), 12), (range(41, 53), 13), (range(10), 10)):
+        assert len(nearby.among(np.array(moments))[0]) == kept
+    assert taken == [150, 36, 39, 30]
 
 
 @pytest.mark.parametrize(
@@ -370,12 +432,12 @@ def test_more_torque_than_friction_carries_ends_in_one_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "error", "message"),
     [
-        (("service.torsion_limit=90",), "service.torsion_limit: 90 must be above 1/2"),
-        (("motion.start=-900", "motion.travel=-900"), "nothing presses the wheel"),
+        (("service.torsion_limit=90",), SceneError, "service.torsion_limit: 90 must be above 1/2"),
+        (("motion.start=-900", "motion.travel=-900"), ConvergenceError, "nothing presses the wheel"),
     ],
 )
-def test_a_mistake_is_one_line(overrides: tuple[str, ...], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_a_mistake_is_one_line(overrides: tuple[str, ...], error: type[MacrofitError], message: str) -> None:
+    with pytest.raises(error, match=message):
         serve(small_press(*overrides))

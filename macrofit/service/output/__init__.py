@@ -1,6 +1,8 @@
 """What a service computation leaves in its folder."""
 
-NUMBERS = "service.json"
+from ...results.kinds import SERVICE
+
+NUMBERS = SERVICE.numbers
 SEAT = "seat.csv"
 """Values along the seat, one row for each facet; under the bonded fit, at the angle 0."""
 FRETTING = "fretting.csv"

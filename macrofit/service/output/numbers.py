@@ -72,6 +72,7 @@ def _edge(edge: Edge) -> dict[str, float | str | None]:
         "stress_concentration": edge.concentration,
         "no_concentration_because": edge.without,
         "shear_power": edge.shear_power,
+        "no_shear_power_because": edge.without_power,
     }
 
 
@@ -232,7 +233,9 @@ def _bonded_said(edge: dict[str, Any]) -> str:
         said.append(f"no concentration, for {edge['no_concentration_because']}")
     if edge["shear_power"] is not None:
         said.append(f"shear as the distance to the power {edge['shear_power']:.2f}")
-    return f"; bonded: {', '.join(said)}" if said else ""
+    elif edge["no_shear_power_because"] != edge["no_concentration_because"]:
+        said.append(f"no power of the shear, for {edge['no_shear_power_because']}")
+    return f"; bonded: {', '.join(said)}"
 
 
 def _turned_said(friction: dict[str, Any], endurance: dict[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ from ...base.files import remove_drafts, write_text, writing
 from ...base.progress import printable
 from ...results.doubts import doubtful_runs
 from ...results.folder import prepare, remove_page, write_numbers
+from ...results.kinds import SERVICE_STUDY
 from ...results.versions import session, versions
 from ...study.output import RUNS, csv_text, refuse_unfinished
 from ...study.plan import Plan
@@ -19,7 +20,8 @@ from ...study.statistics import statistics
 from ..output import NUMBERS
 from .record import MEASURES, ServiceRecord, ServiceStudyFile, is_service_study, measured
 
-STUDY_FILE, ROWS, TOTALS, FIGURE = (f"service-study.{end}" for end in ("bin", "csv", "json", "png"))
+STUDY_FILE, TOTALS = SERVICE_STUDY.mark, SERVICE_STUDY.numbers
+ROWS, FIGURE = "service-study.csv", "service-study.png"
 SHOWN = {
     "friction_work_N_mm": ("Friction work", 1e-3, "J"),
     "front_slip_range_mm": ("Front slip", 1e3, "um"),

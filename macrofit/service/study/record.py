@@ -41,26 +41,26 @@ class ServiceRecord(msgspec.Struct, frozen=True, kw_only=True):
     """A finished run: its measures, and how it ended."""
 
     digest: str
-    values: dict[str, float | None]  # by the names of MEASURES; None where no revolution is whole
+    values: dict[str, float | None]  # by the names of MEASURES; None where it ended before that
     verdict: str
     ended: str | None
     doubts: list[str]
     cpu_s: float
 
 
-def record_of(digest: str, numbers: Mapping[str, Any], cpu_s: float) -> ServiceRecord:
-    """What is kept of a service.json."""
+def record_of(digest: str, numbers: Mapping[str, Any] | None, ended: str | None, cpu_s: float) -> ServiceRecord:
+    """What is kept of a service.json, and why it ended early; without one the wheel was never released."""
     return ServiceRecord(
         digest=digest,
         values={name: _at(numbers, key) for name, key in MEASURES.items()},
-        verdict=numbers["verdict"]["word"],
-        ended=numbers["ended"],
-        doubts=list(numbers["doubts"]),
+        verdict="not judged" if numbers is None else numbers["verdict"]["word"],
+        ended=ended,
+        doubts=[] if numbers is None else list(numbers["doubts"]),
         cpu_s=cpu_s,
     )
 
 
-def _at(numbers: Mapping[str, Any], key: str) -> float | None:
+def _at(numbers: Mapping[str, Any] | None, key: str) -> float | None:
     found: Any = reduce(lambda table, part: None if table is None else table[part], key.split("."), numbers)
     return None if found is None else float(found)
 

@@ -77,26 +77,22 @@ class ServiceWorker:
         self.shared = Shared(RunWorker(plan, folder).assembly)
 
     def run(self, run: PlannedRun, poll: Callable[[], None]) -> ServiceRecord:
-        """Compute one run; one that ends early is kept with its reason.
+        """Compute one run; one that ends early, in its press already, is kept with its reason.
 
         Raises:
-            MacrofitError: what ended it before the wheel was released, with the run's name.
+            MacrofitError: what is wrong with its scene, or with the folder, with the run's name.
         """
-        begin = time.process_time()
+        begin, course, ended = time.process_time(), Course(run.scene, lambda _: poll(), Kept(), self.shared), None
         with naming(run):
-            found = self._served(run, poll)
-            if self.keep:
+            found: Service | None
+            try:
+                found = course.carry_out(self.plan.friction_of(run.scene))
+            except ConvergenceError as error:
+                ended = str(error)
+                found = course.so_far(ended)
+            if self.keep and found is not None:
                 target = run_folder(self.folder, run)
                 target.mkdir(parents=True, exist_ok=True)
                 write_service(target, found)
-        return record_of(run.digest, numbers(found), time.process_time() - begin)
-
-    def _served(self, run: PlannedRun, poll: Callable[[], None]) -> Service:
-        course = Course(run.scene, lambda _: poll(), Kept(), self.shared)
-        try:
-            return course.carry_out(self.plan.friction_of(run.scene))
-        except ConvergenceError as error:
-            found = course.so_far(str(error))
-            if found is None:
-                raise
-            return found
+        told = None if found is None else numbers(found)
+        return record_of(run.digest, told, ended, time.process_time() - begin)

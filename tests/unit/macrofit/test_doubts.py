@@ -216,7 +216,11 @@ def test_a_strain_that_is_no_number_is_doubtful() -> None:
 
 def test_runs_are_counted_by_the_kind_of_doubt_and_the_first_is_said() -> None:
     runs = [["held: 3 facets"], [], ["held: 5 facets", "held: 6 facets", "energy: 2 %"]]
-    assert doubtful_runs(runs) == ["Doubtful: 2 of 3 runs, held: 3 facets", "Doubtful: 1 of 3 runs, energy: 2 %"]
+    assert doubtful_runs(runs) == [
+        "Doubtful: 2 of 3 runs, the first of them: held: 3 facets",
+        "Doubtful: 1 of 3 runs, energy: 2 %",
+    ]
+    assert doubtful_runs([["held: 3 facets"]] * 2) == ["Doubtful: 2 of 2 runs, held: 3 facets"]
 
 
 def test_study_counts_doubts(tmp_path: Path) -> None:

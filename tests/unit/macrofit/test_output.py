@@ -32,14 +32,17 @@ from macrofit.figures.body import (
     draw_axis,
     draw_yield,
     largest_node,
+    pushed_to,
     whole_window,
 )
 from macrofit.figures.friction import FLATTEST
 from macrofit.figures.stress import stress
 from macrofit.monitor import Lines, Progress, Several
+from macrofit.report import write_report
 from macrofit.results import folder as output
 from macrofit.results import summary as report
 from macrofit.results.curves import read_curves, without_rounding
+from macrofit.results.kinds import KINDS
 from macrofit.scene import build_scene, load_scene
 from macrofit.scene.keys import OutputKeys
 from macrofit.solution import PairFrictionMap, Tiling
@@ -136,15 +139,40 @@ def test_a_folder_with_something_else_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(OutputError, match="not empty and holds no run of macrofit"):
         output.prepare(tmp_path, owned=False)
+    (tmp_path / "journal.bin").write_text("of another program")
+    with pytest.raises(OutputError, match="not empty and holds no run of macrofit"):
+        output.prepare(tmp_path, owned=False)
     output.prepare(tmp_path, owned=True)
     with pytest.raises(OutputError, match=r"thesis\.tex: cannot be written"):
         output.prepare(tmp_path / "thesis.tex", owned=False)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.what)
+def test_a_folder_of_another_command_is_named(tmp_path, kind):
+    """Begun or finished, it is refused by what it is, and so is its page where it is not finished or has none."""
+    (tmp_path / kind.mark).write_bytes(b"macrofit ")
+    for _ in ("begun", "finished"):
+        with pytest.raises(OutputError, match=f": holds {kind.what}, of {kind.command}; choose another folder"):
+            output.prepare(tmp_path, owned=False)
+        (tmp_path / kind.numbers).write_text("{}")
+    with pytest.raises(OutputError, match="curve.csv: cannot be" if kind.mark == "journal.bin" else "no fitting curve"):
+        read_curves(tmp_path)
+    if kind.mark == kind.numbers:
+        with pytest.raises(OutputError, match=f": holds {kind.what}, which has no page"):
+            write_report(tmp_path)
+        return
+    (tmp_path / kind.numbers).unlink()
+    said = rf"{kind.what} that has not ended \({kind.numbers} is missing\); continue it with {kind.command} --resume"
+    with pytest.raises(OutputError, match=said):
+        write_report(tmp_path)
 
 
 def test_clearing_removes_results_only(tmp_path):
     solution = fake_solution()
     output.write_fields(tmp_path, solution)
     output.write_summary(tmp_path, {})
+    for page in ("report.html", "report.pdf"):
+        (tmp_path / page).write_text("of them")
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "fields" / "view.pvsm").write_text("mine")
     output.clear(tmp_path)
@@ -377,6 +405,32 @@ def test_the_stress_picture_names_what_it_shows():
     across, up = (axes.get_position().size * axes.figure.get_size_inches()).tolist()
     z0, z1 = axes.get_xlim()
     assert across / (z1 - z0) == pytest.approx(up / (high - low))
+
+
+@pytest.mark.parametrize(
+    ("keys", "displacement", "pushes"),
+    [
+        ((), 180.0, True),
+        (("motion.release=true",), 179.9, False),
+        (("motion.displacements=[10, 40, 30]",), 30.0, False),
+        (("motion.displacements=[10, 40, 30, 35]",), 35.0, True),
+        (("motion.start=90", "motion.travel=100"), 90.0, True),
+        (("motion.start=90", "motion.travel=100", "wheel.temperature=200", "motion.cooling=3"), 90.0, False),
+        (("contact.direction=axial",), 180.0, False),
+    ],
+)
+def test_a_push_leads_forwards(keys, displacement, pushes):
+    """Not to where the press lets go, pulls, or a wheel cools in place."""
+    scene = load_scene("press-and-pull" if "displacements" in "".join(keys) else "wheelset", keys)
+    assert pushed_to(scene, displacement) is pushes
+
+
+@pytest.mark.parametrize("away", [0.0, 0.05])
+def test_a_released_press_is_shown_without_a_push(away):
+    solution = fake_solution(fake_scene(travel=18.0, increment=2.0, release=True))
+    fields = {18.0 - away: solution.fields[18.0]}
+    axes, _ = stress(dataclasses.replace(solution, fields=fields)).axes
+    assert ("push" in words_of(axes)) is (away == 0.0)
 
 
 @pytest.mark.parametrize(("low", "said"), [(-5.0, ["axis of rotation"]), (0.0, ["axis of rotation"]), (90.0, [])])

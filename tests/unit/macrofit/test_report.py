@@ -24,6 +24,7 @@ from click.testing import CliRunner
 
 from macrofit.cli import main
 from macrofit.report.chart import BOTTOM, Frame, Window, names, overlay, ticks
+from macrofit.report.inputs import MOST_ROWS, studied
 from macrofit.report.page import pictures
 from macrofit.report.pdf import found_browser
 from macrofit.report.seat import MOST_VALUES, SHOWN, Seat, seat_view, shown_increments
@@ -229,14 +230,9 @@ def test_the_page_names_no_other_file(folder, study):
 def test_the_page_of_a_study_has_its_runs(study):
     with browser() as chromium:
         chromium.open(study / "report.html")
-        shown = chromium.evaluate(
-            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
-        )
+        shown, spread = chromium.cells(), chromium.numbers()
         legend = chromium.evaluate("[...document.querySelectorAll('.legend li')].map(e => e.textContent)")
         windows = chromium.evaluate("document.querySelectorAll('rect.window').length")
-        spread = chromium.evaluate(
-            "[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])"
-        )
     rows = {row["run"]: row for row in csv.DictReader((study / "study.csv").open())}
     assert {run for run, *_ in shown} == set(rows)
     assert all(rows[run][column] == value for run, column, value in shown)
@@ -391,6 +387,15 @@ def test_page_of_older_results_is_removed(folder, tmp_path, renew):
     assert not (copy / "report.html").exists()
     assert not (copy / "report.pdf").exists()
     assert (copy / "fit-4711.html").exists()
+
+
+def test_the_table_of_a_study_ends_and_says_so(tmp_path):
+    """It has the measures of which there is a spread, and the first runs; how many more there are is said."""
+    numbers = {"title": "many", "keys": ["a"], "statistics": {"peak": {}}}
+    found = studied(tmp_path, numbers, list(range(MOST_ROWS + 3)), {}, {"peak": ("peak", 1.0), "slip": ("slip", 1.0)})
+    assert (found["rows"], found["more"]) == (list(range(MOST_ROWS)), 3)
+    assert list(found["statistics"]) == ["peak"]
+    assert studied(tmp_path, numbers, [1], {}, {})["more"] == 0
 
 
 def test_what_made_a_run_is_in_its_summary(folder):

@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from mpi4py import MPI
 from serving import SHORT, read_table, service
 
 from macrofit.base import progress
+from macrofit.cli import main
 from macrofit.results.folder import SCENE
 from macrofit.scene import load_scene
 from macrofit.scene.keys import ServiceKeys
 from macrofit.service import output, run
-from macrofit.service.bonded import _without
-from macrofit.service.output.numbers import _shares_said
+from macrofit.service.bonded import _without, _without_power
+from macrofit.service.output.numbers import _shares_said, unit_doubts
 from macrofit.service.run import bonded_only, carry_out_service
 
 
@@ -69,6 +71,40 @@ def test_bonded_solution_says_why_there_is_no_concentration(
 
 def test_hub_that_reaches_the_end_of_the_seat_is_said_to() -> None:
     assert _without(98.0, -1.0) == "the hub reaches the end of the seat, and it is taken 4 mm beside"
+
+
+@pytest.mark.parametrize(
+    ("nominal", "power", "why"),
+    [
+        (98.0, -0.4555, None),
+        (98.0, -1.0, "the shear grows as the distance to the power -1.00, which no edge does; lower mesh.seat_facet"),
+        (98.0, 0.0, "the shear does not grow towards the edge"),
+        (98.0, float("nan"), "fewer than 4 points are 2 to 8 mm from the edge"),
+        (0.0, float("nan"), "nothing bends the axle there"),
+    ],
+)
+def test_a_power_of_the_shear_that_no_edge_has_is_not_said(nominal: float, power: float, why: str | None) -> None:
+    assert _without_power(nominal, power) == why
+
+
+def test_bonded_solution_says_why_the_shear_has_no_power(tmp_path: Path) -> None:
+    """Of three facets the power was -1.58; that of a right angle is -0.46."""
+    result = service(tmp_path / "bonded", "mesh.seat_facet=2.5", bonded=True)
+    assert result.exit_code == 0, result.stderr
+    front, inner = (line for line in result.stdout.splitlines() if " edge " in line)
+    assert inner.endswith(
+        ", no power of the shear, for the shear grows as the distance to the power -1.58, which no edge "
+        "does; lower mesh.seat_facet"
+    )
+    assert "shear as the distance to the power -0." in front
+    found = json.loads((tmp_path / "bonded" / output.NUMBERS).read_text())["bonded"]
+    assert found["inner"]["shear_power"] is None
+    assert found["inner"]["no_shear_power_because"] in inner
+    assert -1.0 < found["front"]["shear_power"] < 0.0
+    assert found["front"]["no_shear_power_because"] is None
+    page = CliRunner().invoke(main, ["report", str(tmp_path / "bonded")])
+    assert page.exit_code == 0
+    assert "no power of the shear, for the shear grows" in (tmp_path / "bonded" / "report.html").read_text()
 
 
 def test_what_takes_long_says_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,6 +168,13 @@ def test_slip_of_a_wheel_that_lifts_off_everywhere_is_not_known(tmp_path: Path) 
     assert found["friction_work_N_mm"] > 0.0
     assert "Front slip      not known, no place there stays in contact all around" in result.stdout
     assert "Steady          not known" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("nominal", "odd"), [(0.0, False), (0.9, True), (1.0, False), (110.0, False), (250.0, False), (251.0, True)]
+)
+def test_loads_that_no_axle_has_at_work_are_doubted(nominal: float, odd: bool) -> None:
+    assert [doubt.partition(":")[0] for doubt in unit_doubts(nominal)] == ["odd loads"] * odd
 
 
 def test_a_wheel_that_lifts_off_is_turned_as_often_as_asked(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from serving import SHORT, service
 
 from macrofit.base.log import frames
 from macrofit.results.folder import SCENE
+from macrofit.scene import load_scene
 from macrofit.service import journal, output
 
 TABLES = (output.SEAT, output.FRETTING, output.SURFACE, output.HISTORIES)
@@ -69,11 +70,21 @@ def test_a_wheel_turns_on_by_more_revolutions(whole: Path, tmp_path: Path) -> No
     shutil.copytree(whole, folder)
     turned = json.loads((whole / output.NUMBERS).read_text())["turned_revolutions"]
     more = f"service.revolutions={turned + 1:g}"
-    assert service(folder, more, resume=True).exit_code == 0
-    assert service(tmp_path / "at once", more).exit_code == 0
+    assert service(folder, more, "service.periodicity=1e-12", resume=True).exit_code == 0
+    assert service(tmp_path / "at once", more, "service.periodicity=1e-12").exit_code == 0
     assert contents(folder) == contents(tmp_path / "at once")
     assert json.loads((folder / output.NUMBERS).read_text())["turned_revolutions"] == turned + 1.0
     assert "journal_force = 110000.0" in (folder / SCENE).read_text()
+
+
+def test_a_new_computation_leaves_no_page_of_the_old_one_even_if_it_is_killed(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(whole, folder)
+    (folder / "report.html").write_text("older")
+    with journal.open_folder(folder, load_scene(folder / SCENE), resume=True):
+        assert (folder / "report.html").exists()
+    with journal.open_folder(folder, load_scene(folder / SCENE), resume=False):
+        assert not (folder / "report.html").exists()
 
 
 YIELDS = ("axle.material.grade=EA1N", "wheel.material.grade=ER8", "wheel.bore_radius=94.8", "service.revolutions=1")

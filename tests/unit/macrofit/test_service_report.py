@@ -52,7 +52,7 @@ def numbers_of(tables: Any, before: str = "") -> dict[str, float]:
 def test_numbers_curves_and_doubts_are_those_of_the_files(folder: Path) -> None:
     with browser() as page:
         page.open(folder / "report.html")
-        shown = page.evaluate("[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])")
+        shown = page.numbers()
         text = page.evaluate("document.body.textContent")
         word = page.evaluate("document.querySelector('.verdict').className")
         curves = page.evaluate("[...document.querySelectorAll('path[id]')].map(e => [e.id, e.getAttribute('d')])")

@@ -107,7 +107,37 @@ def test_a_wheel_that_slides_round_does_not_end_the_study(done: tuple[Path, str]
     assert totals["statistics"]["friction_work_N_mm"]["runs"] == 2
     assert totals["statistics"]["nominal_stress_MPa"]["runs"] == 4
     assert "Ended early     2 runs; run 2: service: no equilibrium" in said
+    assert not (folder / "runs").exists()  # without --keep
     assert (folder / "service-study.png").stat().st_size > 10_000
+
+
+def test_a_wheel_that_nothing_holds_is_one_run_that_ended(tmp_path: Path) -> None:
+    """Without friction, or with a clearance; the others go on, and page and table say why."""
+    folder = tmp_path / "study"
+    varied = ("friction.options.coefficient=0,0.2", "wheel.bore_radius=94.85,95.02")
+    result = study(
+        folder, *varied, more=("--keep", "--set", "service.revolutions=1", "--set", "service.seat_limit=1000")
+    )
+    assert (result.exit_code, result.stderr) == (0, "")
+    ended = [row["ended"] for row in rows(folder)]
+    assert ["without it nothing holds the wheel" in each for each in ended[:2]] == [True, False]
+    assert ended[2] == ""
+    assert all("nothing presses the wheel onto its seat" in each for each in (ended[1], ended[3]))
+    assert [row["verdict"] for row in rows(folder)] == ["not judged", "not judged", "accepted", "not judged"]
+    assert [row["nominal_stress_MPa"] == "" for row in rows(folder)] == [True, True, False, True]
+    assert [path.name for path in (folder / "runs").iterdir()] == ["0003"]
+    told = report(folder)
+    assert (told.exit_code, told.stderr) == (0, "")
+    assert "nothing holds the wheel in service" in (folder / "report.html").read_text()
+
+
+def test_a_value_that_no_scene_may_have_is_not_gone_on_with(tmp_path: Path) -> None:
+    result = study(tmp_path / "study", "service.rim_offset=900,0")
+    assert result.exit_code == 2
+    assert "run 1 (rim_offset = 900): service.rim_offset: 900 mm is beyond the rim" in result.stderr
+    assert "continue with --resume once its values are changed" in result.stderr
+    again = study(tmp_path / "study", "service.rim_offset=0")
+    assert again.exit_code == 0, again.stderr
 
 
 def report(folder: Path, *more: str) -> Any:
@@ -121,10 +151,7 @@ def test_its_page_has_the_runs_over_what_is_varied(done: tuple[Path, str]) -> No
     assert (told.exit_code, told.stderr) == (0, "")
     with browser() as page:
         page.open(folder / "report.html")
-        shown = page.evaluate(
-            "[...document.querySelectorAll('data[data-run]')].map(e => [e.dataset.run, e.dataset.column, e.value])"
-        )
-        spread = page.evaluate("[...document.querySelectorAll('data[data-key]')].map(e => [e.dataset.key, +e.value])")
+        shown, spread = page.cells(), page.numbers()
         heads = page.evaluate("[...document.querySelectorAll('#runs + div th')].map(e => e.textContent)")
         cells = page.evaluate("[...document.querySelectorAll('#runs + div tr')].map(e => e.textContent)")
         images = page.evaluate("[...document.images].map(i => i.complete && i.naturalWidth > 0)")
@@ -236,7 +263,10 @@ def test_each_kind_of_doubt_is_said_with_the_runs_that_have_it(tmp_path: Path) -
         for k, each in enumerate(doubts)
     ]
     said = [line for line in _sentences(records, empty) if line.startswith("Doubtful")]
-    assert said == ["Doubtful: 2 of 3 runs, the wheel creeps: 2%", "Doubtful: 1 of 3 runs, steel yielded"]
+    assert said == [
+        "Doubtful: 2 of 3 runs, the first of them: the wheel creeps: 2%",
+        "Doubtful: 1 of 3 runs, steel yielded",
+    ]
 
 
 def test_a_standard_of_the_press_judges_no_service(tmp_path: Path) -> None:
@@ -250,7 +280,7 @@ def test_a_folder_of_a_press_study_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study.bin").write_bytes(b"macrofit study 2\n")
     result = study(tmp_path, *VARIED)
     assert result.exit_code == 2
-    assert "holds no run of macrofit" in result.stderr
+    assert f"{tmp_path}: holds a study, of macrofit study; choose another folder with -o" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from macrofit.friction import registry
 from macrofit.results.folder import read_curve
 from macrofit.scene import dump_scene, load_scene
 from macrofit.solve import solve
-from macrofit.study.output import _verdict_totals
+from macrofit.study.output import _verdict_totals, open_study
 from macrofit.study.panels import _panel, stress_panels
 from macrofit.study.plan import parse_vary, plan_study, reference_overrides, split_outside
 from macrofit.study.run import RunWorker, carry_out_study
@@ -357,12 +357,14 @@ def test_the_windows_of_a_study_are_those_of_its_runs(scene_file):
     assert _verdict_totals(plan, [same, other])["windows"] == {}
 
 
-@pytest.mark.parametrize(("direction", "arrows"), [("radial", 1), ("axial", 0)])
-def test_panels_show_the_push_along_the_axle_alone(scene_file, direction, arrows):
-    """Discs are pressed face on face: an arrow at the rear of a hub would mislead. No stress is no largest one."""
-    (run,) = plan_study(scene_file, [], [f"contact.direction={direction}"]).runs
+@pytest.mark.parametrize(
+    ("direction", "displacement", "arrows"), [("radial", 40.0, 1), ("axial", 40.0, 0), ("radial", 39.96, 0)]
+)
+def test_panels_show_the_push_along_the_axle_alone(scene_file, direction, displacement, arrows):
+    """Discs are pressed face on face: an arrow at the rear of a hub would mislead, and so where the press lets go."""
+    (run,) = plan_study(scene_file, [], [f"contact.direction={direction}", "motion.release=true"]).runs
     bodies = {body: dataclasses.replace(fake_field(), von_mises=np.zeros(9)) for body in ("axle", "wheel")}
-    (panel, *_) = stress_panels([(run, {40.0: bodies})]).axes
+    (panel, *_) = stress_panels([(run, {displacement: bodies})]).axes
     said = [text.get_text() for text in panel.texts]
     assert said.count("push") == arrows
     assert not [text for text in said if "MPa" in text]
@@ -483,6 +485,16 @@ def test_a_reference_may_be_one_of_the_runs(scene_file):
     assert (totals(Path("out"))["computed_runs"], totals(Path("out"))["resumed_runs"]) == (2, 0)
     first, _, last = rows(Path("out"))
     assert first["peak_force_N"] == last["peak_force_N"]
+
+
+def test_a_new_study_leaves_no_page_of_the_old_one_even_if_it_is_killed(scene_file):
+    plan, page = plan_study(scene_file, ["motion.travel=30,40"]), Path("out/report.html")
+    open_study(Path("out"), plan, resume=False).close()
+    page.write_text("older")
+    open_study(Path("out"), plan, resume=True).close()
+    assert page.exists()
+    open_study(Path("out"), plan, resume=False).close()
+    assert not page.exists()
 
 
 def test_the_folder_of_something_else_is_refused(scene_file):
