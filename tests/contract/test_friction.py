@@ -289,7 +289,16 @@ def test_who_fails_at_what_it_hears_is_named_once_and_stops_no_other(hear: Law, 
     ]
     assert told in str(warned[0].message)
     assert [provider.heard for provider in providers] == [1, 0, 3, 3]
+    assert asked[2][1].pairs.pressure.tolist() == [80.0]
     assert [field.answer(question)[0] for field, question in asked] == [stripes(asked[0][1].pairs)[0]] * 4
+
+
+def test_each_rank_hears_of_its_part() -> None:
+    heard: list[int] = []
+    provider = Hearing(lambda provider, pairs: heard.extend(pairs.seat.tolist()))
+    field = FrictionField(provider, part=lambda pairs: pairs.take(np.flatnonzero(pairs.seat % 2)))
+    field.announce(TilePairs(np.arange(5), np.arange(5), np.zeros(5), np.zeros(5)))
+    assert heard == [1, 3]
 
 
 # Options and the registry

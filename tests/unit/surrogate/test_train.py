@@ -83,6 +83,8 @@ def test_databases_of_many_pressures_make_a_wide_network(monkeypatch: pytest.Mon
     monkeypatch.setattr("surrogate.network.objectives.ridge_weights", spied)
     how: dict[str, Any] = {"epochs": 1, "members": 1, "plates": Plates(control="force")}
     about = train_network(free, beside=[(smooth, Plates())], **how).provenance
+    assert isinstance(about.options, EnsembleOptions)
+    assert about.options.trapezoid
     assert about.wide
     assert about.pressures == {"displacement": (170.0, 170.0), "force": (pytest.approx(20.0), pytest.approx(500.0))}
     assert set(about.seeds_of_form) == set(about.forms) == {"strip", "tiles", ""}
