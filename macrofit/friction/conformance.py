@@ -6,7 +6,7 @@ import numpy as np
 
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import PairFriction, checked_answer, checked_uncertainty, declared_dependence
-from macrofit.friction.contract import QUANTITIES, FrictionProvider, IntArray, StatesUncertainty, TilePairs
+from macrofit.friction.contract import QUANTITIES, FrictionProvider, HearsAhead, IntArray, StatesUncertainty, TilePairs
 
 BATCH_TOLERANCE = 1e-6
 """How far the make-up of a batch may move a coefficient: the rounding of a single-precision network [-]."""
@@ -36,7 +36,8 @@ def check(
     Checked: `depends_on` is valid and honest (what it does not list changes nothing), an empty batch gets an
     empty answer, shape and bounds, inputs left as they were, the same answer when asked again (to the bit),
     and answers that depend neither on the order of the batch nor on what else is in it (within `tolerance`).
-    Where the provider states its uncertainty, all of this holds for that too.
+    Where the provider states its uncertainty, all of this holds for that too. Where it has `announced`, that changes
+    no answer.
 
     Args:
         provider: the provider to check; asked about ten batches, and about each pair alone.
@@ -62,6 +63,11 @@ def check(
     _same(pairs, answer, again, 0.0, f"{name} is not deterministic: the same batch asked twice")
     _check_make_up(provider, pairs, answer, rng, tolerance)
     _check_honesty(provider, pairs, answer, depends_on, (seat_tiles, bore_tiles), rng)
+    if isinstance(provider, HearsAhead):
+        for heard in (_random_pairs(rng, seat_tiles, bore_tiles, batch), pairs):
+            _told(provider, "announced", heard, "pairs that it hears of ahead")
+            after = _asked(provider, pairs, "a batch after it heard of pairs")
+            _same(pairs, answer, after, tolerance, f"{name} answers otherwise once it has heard of pairs")
 
 
 def _random_pairs(rng: np.random.Generator, seat_tiles: int, bore_tiles: int, batch: int) -> TilePairs:
@@ -129,7 +135,7 @@ def _asked(provider: FrictionProvider, pairs: TilePairs, what: str) -> PairFrict
 
 def _told(provider: FrictionProvider, method: str, pairs: TilePairs, what: str) -> object:
     who = f"{type(provider).__name__}, asked about {what},"
-    given = pairs.take(np.arange(pairs.seat.size))
+    given = pairs.copy()
     try:
         answer: object = getattr(provider, method)(given)
     except (Exception, SystemExit) as error:

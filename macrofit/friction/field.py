@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -110,6 +109,7 @@ class FrictionField:
         self._depends_on = declared_dependence(provider, self.name)
         self._keys: IntArray = np.empty(0, dtype=np.int64)  # sorted
         self._known: FloatArray = np.empty((2, 0))  # coefficient and uncertainty of each key
+        self._deaf = False  # its `announced` has failed
         self._news: list[_Told] = []  # answered since `news`
         self._pending: list[_Told] = []  # answered, and not among those known yet
 
@@ -140,6 +140,21 @@ class FrictionField:
         return Question(
             facing, pressure.size, TilePairs(*tiles_of(pairs), facing.pair_mean(pressure), facing.pair_mean(sliding))
         )
+
+    def announce(self, pairs: TilePairs) -> None:
+        """Let the provider hear of pairs, if it wants to; one that fails at it is warned of, and hears no more."""
+        if self._deaf or not isinstance(self.provider, HearsAhead):
+            return
+        try:
+            with foreign_code():
+                self.provider.announced(self.part(pairs).copy())
+        except Exception as error:
+            self._deaf = True
+            warnings.warn(
+                f"friction provider {self.name!r} failed at `announced`, with {type(error).__name__}: {error}; it is "
+                f"asked all the same",
+                stacklevel=2,
+            )
 
     def answer(self, question: Question) -> FloatArray:
         """The coefficient of friction of each facet, as `facet_friction`.
@@ -273,14 +288,10 @@ class FrictionField:
 
 
 def announce(asked: Iterable[tuple[FrictionField, Question]]) -> None:
-    """Let the providers of several runs hear what they will be asked, those that want to know (see `HearsAhead`).
-
-    One that fails at this will fail when it is asked, and be heard then.
-    """
-    with suppress(Exception), foreign_code():
-        for field, question in asked:
-            if question.pairs is not None and isinstance(field.provider, HearsAhead):
-                field.provider.announced(field.part(question.pairs).copy())
+    """Let the providers of several runs hear what they will be asked, those that want to know (see `HearsAhead`)."""
+    for field, question in asked:
+        if question.pairs is not None:
+            field.announce(question.pairs)
 
 
 def _latest(told: list[_Told]) -> _Told:

@@ -71,6 +71,14 @@ class Hardening:
             slope = slope + slopes[np.searchsorted(strains, p, side="right") - 1]
         return value, slope
 
+    def tension(self, strain: float) -> float:
+        """Stress under growing tension [MPa] at a plastic strain [-]: R(p) + sum of C / g (1 - exp(-g p))."""
+        backs = (
+            -c / g * math.expm1(-g * strain) if g else c * strain
+            for c, g in zip(self.moduli, self.recalls, strict=True)
+        )
+        return float(self.radius(np.array([strain]))[0][0]) + math.fsum(backs)
+
     @cached_property
     def columns(self) -> tuple[FloatArray, ...]:
         """The constants as the kernels take them."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import MacrofitError
-from ..scene.keys import Disc, MeshFile
+from ..scene.keys import Disc, MeshFile, Scene
+from ..scene.material import TabulatedHardening
 from .foresight import SEAT_FACETS, foreseen, too_few_facets
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class DoubtfulRun(MacrofitError):
 def doubts(solution: Solution) -> list[str]:
     """A sentence for each doubt about a run, what it showed before what its scene foretold."""
     checks: tuple[Callable[[Solution], Iterator[str]], ...] = (
-        _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain, _held,
+        _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain, _past_table, _held,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(solution)] + foreseen(solution.scene)
 
@@ -168,6 +169,32 @@ def _large_strain(solution: Solution) -> Iterator[str]:
     """Flow beyond small strain theory; of which body is known where stresses were asked for."""
     most = max((record.plastic_strain for record in solution.increments), default=0.0)
     yield from large_strain(most, [body for body, zone in solution.flowed.items() if zone.value > LARGE_STRAIN])
+
+
+def _past_table(solution: Solution) -> Iterator[str]:
+    """Flow beyond what a measured curve says; of which body is known where stresses were asked for."""
+    most = max((record.plastic_strain for record in solution.increments), default=0.0)
+    strains = {body: zone.value for body, zone in solution.flowed.items()}
+    yield from past_table(solution.scene, {body: strains.get(body, most) for body in ("axle", "wheel")})
+
+
+def past_table(scene: Scene, strains: Mapping[str, float]) -> Iterator[str]:
+    """A sentence for each body whose plastic strain is beyond the last point of a table that still rises there.
+
+    Args:
+        scene: with the tables.
+        strains: the largest plastic strain of each body, or at least of the bodies together [-].
+    """
+    for body, material in (("axle", scene.axle.material), ("wheel", scene.wheel.material)):
+        table = material.hardening
+        if not isinstance(table, TabulatedHardening) or material.elastic or table.stress[-1] == table.stress[-2]:
+            continue
+        end = table.plastic_strain[-1]
+        if not strains[body] <= end:  # so that NaN is doubtful
+            yield (
+                f"past the table: the {body} flowed by up to {strains[body]:.3g}, and {body}.material.hardening ends "
+                f"at {end:g}, behind which its stress was taken as constant; give points up to that strain"
+            )
 
 
 def large_strain(most: float, flowed: Sequence[str] = ()) -> list[str]:

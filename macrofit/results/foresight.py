@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 
 from ..base.arrays import FloatArray
@@ -20,7 +21,7 @@ from ..errors import MacrofitError
 from ..plasticity.material import hardening
 from ..scene.deviation import deviation_of
 from ..scene.keys import Hub, MeshFile, Scene, Shaft
-from ..scene.material import LinearHardening, yield_stress
+from ..scene.material import LinearHardening, cards, yield_stress
 
 SEAT_FACETS = 10
 """Fewest facets along a contact line: with 10 the force was off by 1 % at the end, with 3 by 14 to 19 %."""
@@ -34,6 +35,8 @@ MODULI = (2e3, 5e9)
 """Young's moduli without a doubt [MPa]: solids in GPa are below, in Pa above, a rigid tool is not."""
 LARGEST_ELASTIC_STRAIN = 0.05
 """Yield stresses without a doubt, over Young's modulus: maraging steel yields at 0.013, metallic glass at 0.02."""
+PROOF_STRAIN = 0.002
+"""Plastic strain at which standards state what a steel without a sharp yield point bears, Rp0.2 [-]."""
 LOCKING_POISSON_RATIO = 0.45
 """Largest Poisson's ratio of elements of order 1: the force was 0.8 % high there, 2.5 % at 0.49, 12 % at 0.499."""
 LEAST_GAMMA0 = 0.3
@@ -67,8 +70,8 @@ class Arc:
 def foreseen(scene: Scene) -> list[str]:
     """A sentence for each doubt that a scene alone gives rise to; none for one that should do."""
     checks: tuple[Callable[[Scene], Iterator[str]], ...] = (
-        _clearance, _moduli, _yield_stresses, _locking, _linear_stress, _stabilisation, _few_facets, _few_in_blends,
-        _long_steps, sharp_corners, _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
+        _clearance, _moduli, _yield_stresses, _weak_steel, _locking, _linear_stress, _stabilisation, _few_facets,
+        _few_in_blends, _long_steps, sharp_corners, _odd_meshes, _linear_flow, _long_plastic_steps, _profiles, _hot,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(scene)]
 
@@ -125,6 +128,21 @@ def _yield_stresses(scene: Scene) -> Iterator[str]:
             yield (
                 f"odd hardening: {name}.material.hardening grows by {slope:g} MPa, more than youngs_modulus, "
                 f"{modulus:g} MPa; is it in Pa?"
+            )
+
+
+def _weak_steel(scene: Scene) -> Iterator[str]:
+    """A yield stress or a curve that takes the place of a grade's card, and is below the least of its standard."""
+    for name, material in (("axle", scene.axle.material), ("wheel", scene.wheel.material)):
+        law = hardening(msgspec.structs.replace(material, elastic=False))
+        if material.grade is None or law is None:
+            continue
+        least, found = float(cards()[material.grade]["yield_stress"]), law.tension(PROOF_STRAIN)
+        if found < least - 1e-9:
+            yield (
+                f"weaker than its grade: {name}.material bears {found:.4g} MPa at {PROOF_STRAIN:.1%} of plastic strain "
+                f"by its {'hardening' if material.yield_stress is None else 'yield_stress'}, which holds, and "
+                f"{material.grade} by its standard {least:g} or more; correct it, or leave {name}.material.grade out"
             )
 
 

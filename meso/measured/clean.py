@@ -51,6 +51,8 @@ class Scan:
     """Distances of the points [mm]."""
     done: tuple[str, ...] = ()
     """What was done, in words."""
+    made_up: tuple[str, ...] = ()
+    """Which of its points were not measured, in words; too many of them are a doubt besides."""
     doubts: tuple[str, ...] = ()
     """What may be wrong, in words."""
 
@@ -76,11 +78,12 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
         raise SurfaceError(f"{missing.mean():.0%} of its points are missing: take less than {MOST_MISSING:.0%}")
     heights = filled(heights, missing)
     heights, spikes = _without_spikes(heights, missing, keys)
-    rest = without_form(heights, keys)
+    rest, made_up = without_form(heights, keys), (*_mended("missing", missing), *_mended("spikes", spikes))
     scan = replace(
         scan,
         heights=rest,
-        done=(*scan.done, *_mended("missing", missing), *_mended("spikes", spikes), _levelled(keys)),
+        done=(*scan.done, *made_up, _levelled(keys)),
+        made_up=made_up,
         doubts=(*scan.doubts, *_much("missing", missing, MUCH_MISSING), *_much("spikes", spikes, MANY_SPIKES)),
     )
     return _plausible(scan, keys, raw.unit is not None)

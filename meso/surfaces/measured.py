@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
+from dataclasses import replace
 from math import floor
 from pathlib import Path
 from typing import NamedTuple
@@ -80,7 +81,7 @@ def _scan(keys: ScanKeys, which: int) -> Scan:
         return scan
     rest = filtered(as_surface(scan), keys.filter).heights
     done = (*scan.done, f"waves above {keys.filter:g} mm filtered out (Gaussian)")
-    return Scan(heights=rest, spacing=scan.spacing, done=done, doubts=scan.doubts)
+    return replace(scan, heights=rest, done=done)
 
 
 def as_surface(scan: Scan) -> Surface:
@@ -130,7 +131,7 @@ def measured_face(keys: ScanKeys, body: Body, seed: int, size: tuple[float, floa
 
 
 def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[str]:
-    """What may be wrong with the measured faces of bodies with so many tiles, in words.
+    """What may be wrong with the measured faces of bodies with so many tiles, and what was made up, in words.
 
     Args:
         keys: of both bodies' faces.
@@ -149,7 +150,8 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
         long = scan_of(scan, 0).size[0]
         if scan.use != "face" and is_strip(scan, width) and count * width > long + width:
             found.append(f"{scan.files[0]}: is {long:.4g} mm long, the {body} has {count} tiles: it is reflected there")
-        found += [f"{name}: {line}" for k, name in enumerate(scan.files) for line in scan_of(scan, k).doubts]
+        each = [(name, scan_of(scan, k)) for k, name in enumerate(scan.files)]
+        found += [f"{name}: {line}" for name, file in each for line in (*file.made_up, *file.doubts)]
     return found
 
 

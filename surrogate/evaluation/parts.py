@@ -13,7 +13,7 @@ from macrofit.base.arrays import BoolArray
 
 from ..data.samples import select_samples
 from ..network.score import QUANTILE_90
-from .errors import coverage, coverage_interval, relative_errors, slope_r2
+from .errors import coverage_interval, slope_r2
 from .measured import MeasuredPairs
 from .predicted import PredictedPairs
 
@@ -54,7 +54,7 @@ def parts_report(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, di
     ):
         some = rows & (settled.sum(axis=1) >= FEWEST_TESTS)
         if some.sum() >= FEWEST:
-            found[name] = _measures_of_tests(*_taken(data, predicted, some, data.micro >= FROM), settled[some])
+            found[name] = _measures(*_taken(data, predicted, some, data.micro >= FROM), settled[some])
     every = np.ones(len(first), dtype=np.bool_)
     for micro in data.micro:
         found[f"micro {micro:g}"] = _measures(*_taken(data, predicted, every, data.micro == micro))
@@ -120,46 +120,31 @@ def _taken(
     return taken, replace(predicted, mean=predicted.mean[some], spread=spread)
 
 
-def _measures_of_tests(data: MeasuredPairs, predicted: PredictedPairs, kept: BoolArray) -> dict[str, Any]:
-    """The same as `_measures` from some of the packings (n, p) of each pair, which may differ in number."""
+def _measures(data: MeasuredPairs, predicted: PredictedPairs, kept: BoolArray | None = None) -> dict[str, Any]:
+    """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b.
+
+    The mean over few packings is itself off by the floor, which adds to the network's error as squares do. Where `kept`
+    names some of the packings (n, p), pairs are judged by these, two at least, and there is no R2.
+    """
+    r2 = slope_r2(data, predicted) if kept is None and len(data.micro) > 1 else None
+    kept = np.ones(data.meso.shape[:2], dtype=np.bool_) if kept is None else kept
     counts, meso = kept.sum(axis=1)[:, None], np.where(kept[:, :, None], data.meso, np.nan)
-    mean = np.nanmean(meso, axis=1)
-    apart = np.nanmean([np.abs(meso[:, i] - meso[:, j]) for i, j in combinations(range(kept.shape[1]), 2)], axis=0)
+    mean, between = np.nanmean(meso, axis=1), list(combinations(range(kept.shape[1]), 2))
+    apart = np.nanmean([np.abs(meso[:, i] - meso[:, j]) for i, j in between], axis=0) if between else np.nan
     wrong = np.abs(predicted.mean.mean(1) - mean)
     of_mean = (wrong / np.abs(mean)).mean(axis=1)
-    error, floor = of_mean.mean(), (apart / np.sqrt(2.0 * counts) / np.abs(mean)).mean()
+    error, floor = float(of_mean.mean()), float((apart / np.sqrt(2.0 * counts) / np.abs(mean)).mean())
     inside = float("nan")
     if predicted.spread is not None:
         inside = float((np.abs(predicted.mean - data.meso) <= QUANTILE_90 * predicted.spread)[kept].mean())
-    return {
-        "pairs": len(data.meso),
-        "error": float(error),
-        "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
-        "floor": float(floor),
-        "error_beyond_floor": float(np.sqrt(max(error**2 - floor**2, 0.0))),
-        "error_over_mean": float(wrong.sum() / np.abs(mean).sum()),
-        "coverage_90": inside,
-        "coverage_interval": coverage_interval(inside, len(data.meso)),
-        "r2_b": None,
-    }
-
-
-def _measures(data: MeasuredPairs, predicted: PredictedPairs) -> dict[str, Any]:
-    """Error against the mean over packings with its standard error, floor of that, coverage and R2 of b.
-
-    The mean over few packings is itself off by the floor, which adds to the network's error as squares do.
-    """
-    of_mean, mean = relative_errors(data, predicted)[1].mean(1), data.meso.mean(1)
-    error, floor = float(of_mean.mean()), float(data.noise_floor.mean() / np.sqrt(data.packings))
-    inside = float(coverage(data, predicted).mean()) if predicted.spread is not None else float("nan")
     return {
         "pairs": len(data.meso),
         "error": error,
         "standard_error": float(of_mean.std(ddof=1) / np.sqrt(len(of_mean))),
         "floor": floor,
         "error_beyond_floor": float(np.sqrt(np.maximum(error**2 - floor**2, 0.0))),
-        "error_over_mean": float(np.abs(predicted.mean.mean(1) - mean).sum() / np.abs(mean).sum()),
+        "error_over_mean": float(wrong.sum() / np.abs(mean).sum()),
         "coverage_90": inside,
         "coverage_interval": coverage_interval(inside, len(data.meso)),
-        "r2_b": slope_r2(data, predicted) if len(data.micro) > 1 else None,
+        "r2_b": r2,
     }

@@ -158,7 +158,8 @@ def _judge(model: Model, validation: Pairs) -> Scores:
 def _states(resume: Path | None, key: str, options: EnsembleOptions | CNNOptions, seed: int) -> list[TrainingState]:
     """The state of the training of each member."""
     count = options.members if isinstance(options, CNNOptions) else 1
-    key = f"{options} {seed} {key}"
+    named = str(options).replace(", trapezoid=False", "")  # as before there were others: those trainings go on
+    key = f"{named} {seed} {key}"
     return [TrainingState(_state_file(resume, number), f"{key} {number}") for number in range(count)]
 
 

@@ -14,7 +14,18 @@ import numpy as np
 import pytest
 
 from macrofit.errors import ProviderError
-from macrofit.friction import BuildContext, FloatArray, TilePairs, Uniform, build, load, names
+from macrofit.friction import (
+    BuildContext,
+    FacingPairs,
+    FloatArray,
+    TileOverlaps,
+    TilePairs,
+    Uniform,
+    announce,
+    build,
+    load,
+    names,
+)
 from macrofit.friction.conformance import ConformanceError, check
 from macrofit.friction.field import FrictionField
 
@@ -45,6 +56,23 @@ class Doubtful(Provider):
 
     def uncertainty(self, pairs: TilePairs) -> FloatArray:
         return self.doubt(pairs)  # type: ignore[return-value]
+
+
+class Hearing(Provider):
+    """A provider that hears ahead what it will be asked."""
+
+    def __init__(self, hear: Callable[[Hearing, TilePairs], object]) -> None:
+        super().__init__(lambda pairs: stripes(pairs) + self.offset, "tiles", "pressure")
+        self.hear, self.offset, self.heard = hear, 0.0, 0
+
+    def announced(self, pairs: TilePairs) -> None:
+        self.heard += 1
+        self.hear(self, pairs)
+
+
+def shifting(provider: Hearing, pairs: TilePairs) -> None:
+    """What is heard changes the answers."""
+    provider.offset += 1e-3
 
 
 def stripes(pairs: TilePairs) -> FloatArray:
@@ -107,6 +135,7 @@ def float32_noise(pairs: TilePairs) -> FloatArray:
         Provider(float32_noise),
         Doubtful(lambda pairs: 0.1 * stripes(pairs), "tiles"),
         Doubtful(lambda pairs: np.where(pairs.seat < 3, np.nan, 0.0), "tiles"),
+        Hearing(lambda provider, pairs: None),
     ],
     ids=[
         "uniform",
@@ -117,6 +146,7 @@ def float32_noise(pairs: TilePairs) -> FloatArray:
         "batch rounding",
         "doubtful",
         "in part",
+        "hears ahead",
     ],
 )
 @pytest.mark.parametrize("seed", [0, 1])
@@ -162,6 +192,9 @@ def test_good_providers_pass(provider: Provider, seed: int) -> None:
             Doubtful(lambda pairs: np.full(pairs.seat.size, np.nan if pairs.seat.size > 5 else 0.1)),
             "depends on the other pairs",
         ),
+        (Hearing(lambda provider, pairs: raising(pairs)), "hears of ahead, raised RuntimeError: the furnace is cold"),
+        (Hearing(lambda provider, pairs: mutating(pairs)), "hears of ahead, modified its input 'pressure'"),
+        (Hearing(shifting), "answers otherwise once it has heard of pairs"),
     ],
 )
 def test_broken_providers_are_caught(provider: Provider, rule: str) -> None:
@@ -226,6 +259,46 @@ def test_counters_that_go_bad_in_a_run_do_not_end_it() -> None:
     provider.stated = {"clipped": np.nan}
     with pytest.warns(UserWarning, match="left out of the summary"):
         assert field.counters == {}
+
+
+def leaving(pairs: TilePairs) -> FloatArray:
+    raise SystemExit("it will not listen")
+
+
+@pytest.mark.parametrize(
+    ("hear", "told"),
+    [
+        (raising, "RuntimeError: the furnace is cold"),
+        (leaving, "ForeignExit: it asked the program to exit"),
+        (lambda pairs: pairs.nothing, "AttributeError: "),
+    ],
+)
+def test_who_fails_at_what_it_hears_is_named_once_and_stops_no_other(hear: Law, told: str) -> None:
+    """It is asked all the same; those after it hear of theirs, and what one does with its arrays is its own affair."""
+    deaf, mute = Hearing(lambda provider, pairs: hear(pairs)), Hearing(lambda provider, pairs: None)
+    mute.announced = 3  # type: ignore[assignment, method-assign]
+    providers = deaf, mute, Hearing(lambda provider, pairs: mutating(pairs)), Hearing(lambda provider, pairs: None)
+    fields = [FrictionField(provider, f"number {k}") for k, provider in enumerate(providers)]
+    one = np.zeros(1, dtype=np.int64)
+    facing = FacingPairs.of(TileOverlaps(one, one + 2, one + 1, np.ones(1)))
+    asked = [(field, field.question(facing, np.full(1, 80.0), np.zeros(1))) for field in fields]
+    with pytest.warns(UserWarning, match="failed at `announced`") as warned:
+        announce(3 * asked)
+    assert [str(each.message).partition(" failed")[0] for each in warned] == [
+        f"friction provider 'number {k}'" for k in (0, 1)
+    ]
+    assert told in str(warned[0].message)
+    assert [provider.heard for provider in providers] == [1, 0, 3, 3]
+    assert asked[2][1].pairs.pressure.tolist() == [80.0]
+    assert [field.answer(question)[0] for field, question in asked] == [stripes(asked[0][1].pairs)[0]] * 4
+
+
+def test_each_rank_hears_of_its_part() -> None:
+    heard: list[int] = []
+    provider = Hearing(lambda provider, pairs: heard.extend(pairs.seat.tolist()))
+    field = FrictionField(provider, part=lambda pairs: pairs.take(np.flatnonzero(pairs.seat % 2)))
+    field.announce(TilePairs(np.arange(5), np.arange(5), np.zeros(5), np.zeros(5)))
+    assert heard == [1, 3]
 
 
 # Options and the registry

@@ -96,9 +96,7 @@ def test_cutbacks_end_in_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
     press, _ = condensed_press(small_press("motion.max_cutbacks=3"))
     failing(monkeypatch, -1.0)
     increments = press.increments(press.rest())
-    with pytest.raises(
-        ConvergenceError, match=r"no convergence between displacements .* after 3 cutbacks .* try a smaller"
-    ):
+    with pytest.raises(ConvergenceError, match=r"no convergence between displacements .* try a smaller"):
         list(increments)
     with pytest.raises(ConvergenceError, match=r"between displacements 15 and 15\.625 mm after 3 cutbacks"):
         press.advance_to(press.rest(), 20.0)

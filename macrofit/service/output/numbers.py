@@ -11,7 +11,7 @@ import numpy as np
 from ...base.arrays import BoolArray, FloatArray
 from ...base.files import write_text
 from ...plasticity.material import hardening
-from ...results.doubts import doubtful_lines, large_strain
+from ...results.doubts import doubtful_lines, large_strain, past_table
 from ...results.versions import provenance, versions
 from ...scene import dump_scene
 from ..bonded import OUTSIDE, Bonded, Edge
@@ -139,6 +139,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
     found.extend(large_strain(turned.plastic_strain))
+    found.extend(past_table(whole.scene, dict.fromkeys(("axle", "wheel"), turned.plastic_strain)))
     if any(hardening(body.material) for body in (whole.scene.axle, whole.scene.wheel)):
         found.append("steel that yielded in the press is taken as elastic in service (shakedown)")
     return found

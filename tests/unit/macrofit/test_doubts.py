@@ -31,6 +31,8 @@ motion = { travel = 20.0, increment = 1.0 }
 output = { fields_at = [] }
 friction = { options = { coefficient = 0.12 } }
 """
+GRADED = ("axle.material.grade=EA4T", "motion.increment=0.5")
+STEEL = 'axle.material.hardening={{law="{}", {}}}'
 QUICK = ("motion.travel=20", "motion.increment=10", "mesh.seat_facet=4", *NO_FIELDS)
 
 
@@ -101,6 +103,18 @@ def test_no_built_in_run_is_doubtful(name: str) -> None:
             ("axle.material.grade=EA4T", "mesh.order=1", "motion.increment=0.5", "output.stress=false"),
             "flow of order 1",
         ),
+        (GRADED, ""),  # its card
+        ((*GRADED, "axle.material.yield_stress=420"), ""),
+        ((*GRADED, "axle.material.yield_stress=400"), "weaker than its grade"),
+        ((*GRADED, "axle.material.elastic=true", "axle.material.yield_stress=400"), "weaker than its grade"),
+        ((*GRADED, STEEL.format("table", "plastic_strain=[0, 0.05], stress=[300, 450]")), "weaker than its grade"),
+        ((*GRADED, STEEL.format("table", "plastic_strain=[0, 0.002], stress=[300, 420]")), ""),  # Rp0.2 is the card's
+        ((*GRADED, "axle.material.yield_stress=400", STEEL.format("linear", "kinematic=1e4")), ""),
+        ((*GRADED, "axle.material.yield_stress=400", STEEL.format("chaboche", "moduli=[12e3], recalls=[150]")), ""),
+        (
+            (*GRADED, "axle.material.yield_stress=400", STEEL.format("chaboche", "moduli=[12e3], recalls=[300]")),
+            "weaker than its grade",
+        ),  # C / g (1 - exp(-0.002 g)) is 18.0 MPa with g = 300, and 20.7 MPa with 150
         (("wheel.material.grade=ER8", "wheel.material.elastic=true", "mesh.order=1", "output.stress=false"), ""),
     ],
 )

@@ -13,7 +13,7 @@ from small import YIELDING, small_press, solved
 from macrofit.cli import main
 from macrofit.errors import SceneError
 from macrofit.plasticity.material import hardening
-from macrofit.results.doubts import LARGE_STRAIN, doubts
+from macrofit.results.doubts import LARGE_STRAIN, doubts, past_table
 from macrofit.results.summary import sentences, summary
 from macrofit.scene import load_scene
 from macrofit.scene.material import Material, cards, yield_stress
@@ -154,6 +154,24 @@ def test_large_strain_is_doubtful_with_stresses_and_without(stress: bool) -> Non
     assert len(told) == 1
     assert f"{most:.2g}" in told[0]
     assert not [sentence for sentence in doubts(fake_solution()) if sentence.startswith("large strain")]
+
+
+@pytest.mark.parametrize("stress", [True, False])
+def test_flow_past_the_end_of_a_table_is_doubtful(stress: bool) -> None:
+    """With its strain and the end of the table; not where the table reaches on, is level there, or is not used."""
+    table = 'axle.material.hardening={{law="table", plastic_strain=[0, {}], stress=[300, {}]}}'
+    scene = small_press("motion.travel=30", table.format(1e-4, 301), f"output.stress={str(stress).lower()}")
+    solution = solved(scene)
+    most = max(record.plastic_strain for record in solution.increments)
+    assert most > 1e-4
+    told = [sentence for sentence in doubts(solution) if sentence.startswith("past the table")]
+    assert len(told) == 1
+    assert f"the axle flowed by up to {most:.3g}, and axle.material.hardening ends at 0.0001" in told[0]
+    assert list(past_table(scene, {"axle": float("nan"), "wheel": 0.0}))
+    for other in (table.format(most, 301), table.format(1e-4, 300)):
+        assert not list(past_table(small_press(other), {"axle": most, "wheel": 1.0}))
+    elastic = small_press(table.format(1e-4, 301), "axle.material.elastic=true")
+    assert not list(past_table(elastic, {"axle": most, "wheel": most}))
 
 
 def test_a_run_writes_what_flowed(tmp_path: Path) -> None:

@@ -27,11 +27,11 @@ from meso.measured.clean import lay
 from meso.measured.keys import ScanKeys
 from meso.measured.raw import length_unit
 from meso.measured.read import read_scan
-from meso.settings import Settings, SurfaceKeys, decode, dump
+from meso.settings import FaceKeys, Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
 from meso.surfaces import measured as laying
 from meso.surfaces.face import rough_face
-from meso.surfaces.measured import as_surface, covering, measured_face, scan_of
+from meso.surfaces.measured import as_surface, covering, doubts_of, measured_face, scan_of
 from meso.surfaces.roughness import measure
 from meso.surfaces.surface import tile_seed
 from surrogate.network.predict import Predictor
@@ -229,6 +229,22 @@ def test_what_may_be_wrong_is_said(heights: np.ndarray, tmp_path: Path, case: st
     path = tmp_path / "a.npy"
     np.save(path, spoil(heights))
     assert message in " ".join(scan_of(keys(path, **more), 0).doubts)
+
+
+def test_filled_points_are_said_before_a_run(heights: np.ndarray, tmp_path: Path) -> None:
+    """Once for each file, and with a filter too; sound files say nothing."""
+    holes, spikes = heights.copy(), heights.copy()
+    holes[50:53, 40:42], spikes[60, 50] = np.nan, 1.0
+    for name, surface in (("sound", heights), ("holes", holes), ("spikes", spikes)):
+        np.save(tmp_path / f"{name}.npy", surface)
+    files = tuple(str(tmp_path / f"{name}.npy") for name in ("sound", "holes", "spikes"))
+    for more in ({}, {"filter": 0.25}):
+        face = FaceKeys(axle=ScanKeys(files=files, spacing=STEP, use="patches", **more))
+        told = doubts_of(face, {"axle": 9, "wheel": 9}, 1.0)
+        assert [line.partition(", ")[0] for line in told] == [
+            f"{files[1]}: missing: 6 points (0.00032 of all)",
+            f"{files[2]}: spikes: 1 points (5.3e-05 of all)",
+        ]
 
 
 def test_contradictions_and_other_files_are_refused(heights: np.ndarray, tmp_path: Path) -> None:

@@ -164,13 +164,14 @@ def test_what_does_not_exist_is_null(tmp_path):
     assert numbers["uncertainty"] is None
 
 
-def closing_words(*slides: Slide) -> str:
+def closing_words(*slides: Slide, resonance: dict[str, float] | None = None) -> str:
     fit = report.affine(slides)
     sq = {"Sq_mm": 3e-3, "filtered": {"Sq_mm": 8e-4}}
     rough = sq | {"profile": {"Ra_mm": 6.1e-4}, "envelope": {"Sq_mm": 0.024, "filtered": {"Sq_mm": 0.023}}}
     numbers = {
         "slides": [report.slide_numbers(each) for each in slides], "packing_cpu_s": 0.25, "run_cpu_s": 1.5,
         "affine_fit": None if fit is None else fit._asdict(), "roughness": dict.fromkeys(("wheel", "axle"), rough),
+        "resonance": resonance,
     }  # fmt: skip
     return "\n".join(report.sentences(numbers))
 
@@ -179,11 +180,17 @@ def test_the_closing_words():
     words = closing_words(slide())
     assert "Meso friction   0.0800 ± " in words
     assert "for micro 0.07: mean T 8 N over mean N 100 N" in words
-    assert "about 0.11 for micro 0.07" in words
+    assert "about 0.11 for micro 0.07; slid slowly, pairs of this model give 1.02 to 1.05 times the micro" in words
     assert "quasi-static; 0.25 s of CPU for the plates, 1.50 s for the rest" in words
     assert "Affine" not in words
     said = "axle: Ra 0.61 µm; Sq 3 µm, 0.8 behind the filter of 0.8 mm; envelope of its spheres 24 and 23 µm"
     assert f"Roughness       {said}" in words
+
+
+def test_plates_that_sway_are_not_compared_with_slow_ones():
+    words = closing_words(slide(engine="explicit"), resonance={"f_d_mm_s": 9e3})
+    assert "about 0.11 for micro 0.07, and so does the preset as-published" in words
+    assert "slid slowly" not in words
 
 
 def test_the_closing_words_of_several():

@@ -282,11 +282,13 @@ def test_of_a_pair_the_settled_tests_are_judged_by_themselves() -> None:
     remark, meso = np.zeros_like(SAMPLES.remark), SAMPLES.meso_friction.copy()
     remark[:: 3 * PACKINGS], meso[:: 3 * PACKINGS] = b"x", 1.5 * meso[:: 3 * PACKINGS]
     pressure = np.linspace(20.0, 200.0, len(SAMPLES))
-    data = arrange_tests(replace(SAMPLES, remark=remark, meso_friction=meso, pressure=pressure))
+    height = np.where(np.arange(len(SAMPLES)) < 20 * PACKINGS, 0.06, 0.01)
+    data = arrange_tests(replace(SAMPLES, remark=remark, meso_friction=meso, pressure=pressure, max_height=height))
     right = arrange_tests(SAMPLES).meso.mean(1)
     parts = parts_report(data, PredictedPairs("right", data.spread_out(right), 0.05 * data.spread_out(right)))
     assert parts["all"]["error"] > 0.03
     assert parts["settled tests"]["error"] < 0.01
+    assert (parts["settled tests"]["pairs"], parts["R from 50 µm, settled tests"]["pairs"]) == (PAIRS, 20)
     assert parts["settled tests"]["coverage_90"] > parts["all"]["coverage_90"] + 0.05
 
 

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
-from surrogate.network import inference
+from surrogate.network import foundation, inference
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
 from surrogate.network.foundation import Foundation, SlideResponse
-from surrogate.network.inference import TrainedEnsemble, ensemble_shapes
+from surrogate.network.inference import TrainedEnsemble, ensemble_shapes, node_shares
 from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, LallemanCNN, LallemanEnsemble, upper_roughness
 from surrogate.network.predict import Prediction, Predictor
 
@@ -287,6 +287,29 @@ def test_foundation_against_bisection(rule: bool) -> None:
             # a step of less than 1e-5 of the overlap is the last one, and Newton's next would be far smaller
             expected = ((energy[-1] - energy[0]) / carried, carried / LOAD, load.min() / LOAD, stored / carried)
             assert [float(column[pair, k]) for column in slide] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("touching", ["all nodes", "a corner"])
+def test_newton_knows_what_its_nodes_stand_for(touching: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the same nodes touch all the while the overlap is linear: a single step, in numpy and in torch."""
+    sums = np.zeros((2, 81), dtype=np.float32) if touching == "all nodes" else np.eye(1, 81, dtype=np.float32)
+    shares, calls = node_shares(9, 9), []
+    asked = 1.0 / 64.0 if touching == "all nodes" else 0.25 / 64.0 * 0.5
+    expected, below = (-asked, -1.0) if touching == "all nodes" else (0.5, 0.25)
+    touch, summed = inference.touched, foundation.sum_of_nodes
+
+    def counted(function: Any) -> Any:
+        return lambda *given: (calls.append(function), function(*given))[1]
+
+    monkeypatch.setattr(inference, "touched", counted(touch))
+    monkeypatch.setattr(foundation, "sum_of_nodes", counted(summed))
+    overlap, start, work = np.full(len(sums), asked), np.full(len(sums), below), np.empty_like(sums)
+    found = inference.contact_height(sums, overlap, touch(sums, start, work, shares), work, shares)
+    both = (torch.from_numpy(values)[:, None] for values in (overlap, start))
+    torched = foundation.contact_height(torch.from_numpy(sums), *both, torch.from_numpy(shares))
+    assert found.height == pytest.approx(expected, rel=1e-6)
+    assert torched.ravel().tolist() == pytest.approx([expected] * len(sums), rel=1e-6)
+    assert (calls.count(touch), calls.count(summed)) == (1, 4)  # in torch two sums in the step, two to see it is done
 
 
 @pytest.mark.parametrize("control", ["height", "force"])

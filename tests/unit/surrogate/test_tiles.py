@@ -115,8 +115,10 @@ def test_the_networks_own_bits_in_any_batches(energy: Predictor, batches: list[I
 def test_the_papers_network_is_asked_itself(paper: Predictor) -> None:
     whole, asked = directly(paper, 0.05), tiles(paper)
     for rows in (MIXED[:20], MIXED[10:30]):
+        asked.expect(SEAT[rows], BORE[rows], np.zeros_like(SEAT[rows]))
         assert same(whole, rows, asked.predict(SEAT[rows], BORE[rows], 0.05))
     assert asked.prepared == 0
+    assert not asked._expected
 
 
 def test_the_papers_network_looks_at_each_face_once(paper: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,6 +184,7 @@ def test_expected_pairs_come_with_the_next_ones(energy: Predictor, monkeypatch: 
     asked.expect(SEAT[more], BORE[more], level[more])
     asked.predict(SEAT[more], BORE[more], 0.05)
     assert calls == [len(more)]
+    assert not asked._expected  # nothing is kept of what is done
     assert same(directly(energy, 0.03), rows, found)
     assert same(directly(energy, 0.08), diagonal(6), later)
 

@@ -37,7 +37,7 @@ from surrogate.network.foundation import Foundation
 from surrogate.network.model import FoundationEnsemble, LallemanCNN, LallemanEnsemble
 from surrogate.network.objectives import SMOOTH, contact_threshold, ridge_weights
 from surrogate.network.score import predict_pairs
-from surrogate.network.train import Trained, train_network
+from surrogate.network.train import Trained, _states, train_network
 
 HEADER = Header(design="", settings="", code="", version="0", micro_frictions=2, squares=2, points=9)
 NOISE = 0.1
@@ -83,6 +83,8 @@ def test_databases_of_many_pressures_make_a_wide_network(monkeypatch: pytest.Mon
     monkeypatch.setattr("surrogate.network.objectives.ridge_weights", spied)
     how: dict[str, Any] = {"epochs": 1, "members": 1, "plates": Plates(control="force")}
     about = train_network(free, beside=[(smooth, Plates())], **how).provenance
+    assert isinstance(about.options, EnsembleOptions)
+    assert about.options.trapezoid
     assert about.wide
     assert about.pressures == {"displacement": (170.0, 170.0), "force": (pytest.approx(20.0), pytest.approx(500.0))}
     assert set(about.seeds_of_form) == set(about.forms) == {"strip", "tiles", ""}
@@ -368,6 +370,16 @@ def test_a_killed_training_goes_on_to_the_same_bits(
     assert (tmp_path / "0.safetensors").read_bytes() == (tmp_path / "1.safetensors").read_bytes()
     np.testing.assert_array_equal(whole.curves.training, resumed.curves.training)
     assert whole.curves.validation == resumed.curves.validation
+
+
+def test_a_training_of_before_the_trapezoid_rule_goes_on() -> None:
+    """Its state has the key that it had; the rule is another training."""
+    before = EnsembleOptions(stiffness=[3e4, 1e5], load=170.0, constant=True)
+    named = "EnsembleOptions(stiffness=[30000.0, 100000.0], load=170.0, members=8, width=24, positions=5, "
+    keys = [
+        _states(None, "k", options, 7)[0].key for options in (before, msgspec.structs.replace(before, trapezoid=True))
+    ]
+    assert keys == [f"{named}constant=True, wide=False{rule}) 7 k 0" for rule in ("", ", trapezoid=True")]
 
 
 def shifted(constant: float) -> Samples:
