@@ -68,7 +68,7 @@ def turned(shared: Shared, changes: Sequence[str]) -> Seat:
     mu, weight, place = found.turned.friction[touches], found.whole.fit.weight[touches], z[touches]
     last = place > place.max() - EDGE
     return Seat(
-        values={name: float(value or 0.0) for name, value in record_of("", numbers(found), 0.0).values.items()},
+        values={name: float(value or 0.0) for name, value in record_of("", numbers(found), None, 0.0).values.items()},
         friction=mu,
         mean=float(np.average(mu, weights=weight)),
         inner=float(np.average(mu[last], weights=weight[last])),
