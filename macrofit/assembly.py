@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from .base.files import cache_folder
 from .base.ranks import raise_together
-from .bodies.body import Body, CondensedBody, compile_form
+from .bodies.body import Body, CondensedBody
 from .contact.condensed import Condensed
 from .contact.seat import Seat
 from .errors import SceneError
@@ -104,10 +104,6 @@ def discretise_bodies(scene: Scene, comm: MPI.Comm) -> dict[str, Body]:
     """
     everywhere = scene.solver == "monolithic"
     bodies: dict[str, Body] = {}
-    if comm.size > 1:  # two ranks must not compile the same form at once
-        with raise_together(comm):
-            if comm.rank == 0:
-                compile_form(scene.mesh.order)
     with raise_together(comm):
         for name in ("axle", "wheel"):
             if everywhere or owner(comm, name) == comm.rank:

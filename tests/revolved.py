@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from macrofit.bodies.discretisation import Discretisation
 from macrofit.bodies.elasticity import weak_form
-from macrofit.bodies.fenics import Discretisation, discretise
+from macrofit.bodies.fenics import discretise
 from macrofit.bodies.mesh import MeshData
 from macrofit.scene.material import Material
 from macrofit.service.elements import moduli, strain_operators

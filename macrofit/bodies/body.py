@@ -22,12 +22,12 @@ from ..errors import MeshError
 from ..scene.keys import MeshFile, Scene
 from ..scene.material import Material
 from .approach import Side, beside_line
-from .elasticity import weak_form
-from .fenics import Discretisation, discretise
+from .discretisation import Discretisation
 from .gauss import GaussPoints
 from .geometry import Generatrix, Sizes, draw_body, polyline, with_profile
-from .mesh import MeshData, mesh_drawing, read_mesh
+from .mesh import mesh_drawing, read_mesh
 from .pieces import condensed, divided
+from .stiffness import elastic_space
 from .triangles import ordered_line
 
 SUPPORTS = (("axis", 0), ("held", 1), ("pushed", 1))  # boundary, component that is zero there
@@ -112,8 +112,7 @@ class Body:
             facets = sum(edge.name == contact for edge in drawing.edges)
             self._fits(facets, 2 * (keys.order * facets + 1))
             data, generatrix = mesh_drawing(drawing, keys.coarse, keys.growth), drawing.generatrix
-        moduli = (self.material.lame_lambda, self.material.shear_modulus)
-        self.space = discretise(data, keys.order, weak_form, moduli)
+        self.space = elastic_space(data, keys.order, self.material)
         self.line, self.trace, self.line_cells = _contact_line(
             self.space,
             contact,
@@ -261,12 +260,6 @@ class Body:
         """The nodes of the axial support, and the rows of K that give its force."""
         nodes = np.unique(self.space.edge_nodes("held" if self.which == "axle" else "pushed"))
         return nodes, self.stiffness[2 * nodes + 1]
-
-
-def compile_form(order: int) -> None:
-    """Compile the elastic form of an order, or find it compiled."""
-    corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
-    discretise(MeshData(points=corner, triangles=np.array([[0, 1, 2]]), edges={}), order, weak_form, (1.0, 1.0))
 
 
 def _contact_line(

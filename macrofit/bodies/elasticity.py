@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.arrays import FloatArray
 from ..scene.material import Material
-from .fenics import tabulate
+from .discretisation import tabulate
 
 
 def weak_form(u: Any, v: Any, x: Any, constants: Any) -> Any:

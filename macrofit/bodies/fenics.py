@@ -5,19 +5,20 @@ Tried with dolfinx 0.5.2 (Debian 12) and 0.9 (Debian 13); 0.10 and 0.11 by readi
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import importlib.metadata
 import logging
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
+from typing import IO, Any, Literal
 from weakref import finalize
 
 import numpy as np
@@ -29,7 +30,8 @@ from ..base.arrays import FloatArray, IntArray
 from ..base.caches import ensure_cache
 from ..base.errors import OutputError
 from ..base.files import write_text
-from .mesh import MeshData
+from .discretisation import Discretisation
+from .triangles import MeshData
 
 
 @contextmanager
@@ -69,28 +71,8 @@ logging.captureWarnings(False)  # ffcx, on import, sends all warnings to the log
 
 WeakForm = Callable[[Any, Any, Any, Any], Any]
 
-
-@dataclass(frozen=True, kw_only=True)
-class Discretisation:
-    """A Lagrange space of vectors (u_r, u_z) on one body; degree of freedom 2 * node + component.
-
-    nodes (n, 2) [mm]; cells (m, 3) or (m, 6), vertices first, then the middle of the edge opposite to each;
-    edges: boundary name -> (k, 3): cell, and its local indices of the edge's two end vertices.
-    """
-
-    order: int
-    nodes: FloatArray
-    cells: IntArray
-    edges: dict[str, IntArray]
-    stiffness: sp.csr_matrix
-
-    def edge_nodes(self, name: str) -> IntArray:
-        """Nodes of each edge of a boundary, (k, order + 1): start, (middle,) end."""
-        cell, a, b = self.edges[name].T
-        ends = [self.cells[cell, a], self.cells[cell, b]]
-        if self.order == 2:
-            ends.insert(1, self.cells[cell, 3 + (3 - a - b)])
-        return np.stack(ends, axis=1)
+LONGEST_WAIT_S = 60.0
+"""How long a process waits for others that compile."""
 
 
 def discretise(data: MeshData, order: int, form: WeakForm, constants: tuple[float, float]) -> Discretisation:
@@ -145,13 +127,44 @@ def _compiling(build: Callable[[], Any]) -> Any:
     enabled = logging.root.manager.disable
     logging.disable(logging.INFO)
     try:
-        _remove_damaged()
-        return build()
-    except (TimeoutError, ImportError, AttributeError) as error:
-        _remove_leftovers(getattr(error, "path", None))
-        return build()
+        with _alone():
+            _remove_damaged()
+            try:
+                return build()
+            except (TimeoutError, ImportError, AttributeError) as error:
+                _remove_leftovers(getattr(error, "path", None))
+                return build()
     finally:
         logging.disable(enabled)
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Wait while another process compiles, a rank or another run: it would be in the way, or take ours for leftovers.
+
+    Where files cannot be locked, or the other one takes longer than a minute, it goes on.
+    """
+    folder, end = _compiled_forms(), time.monotonic() + LONGEST_WAIT_S
+    with ExitStack() as opened:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = opened.enter_context((folder / "macrofit.lock").open("w"))
+            while not _locked(lock) and time.monotonic() < end:
+                time.sleep(0.02)
+        yield
+
+
+def _locked(file: IO[str]) -> bool:
+    """Whether a file is ours alone now, until it is closed or the process ends.
+
+    Raises:
+        OSError: this file system knows no locks.
+    """
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _compiled_forms() -> Path:
@@ -237,15 +250,6 @@ def _locate_edges(triangles: IntArray, edges: dict[str, IntArray], points: int) 
         local = [np.argmax(triangles[cell] == ends[:, [k]], axis=1) for k in (0, 1)]
         found[name] = np.stack([cell, *local], axis=1).astype(np.int64)
     return found
-
-
-def tabulate(order: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (p, b) and reference gradients (p, b, 2) of the scalar basis at reference ``points`` (p, 2)."""
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.triangle, order, basix.LagrangeVariant.equispaced
-    )
-    table = element.tabulate(1, points)[..., 0]
-    return table[0], np.moveaxis(table[1:], 0, -1)
 
 
 class Factor:

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
+from .discretisation import Discretisation
 from .elasticity import strain_operator
-from .fenics import Discretisation
 
 
 def gauss_points(order: int) -> tuple[FloatArray, FloatArray]:

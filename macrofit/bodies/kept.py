@@ -1,7 +1,7 @@
 """Drawn meshes that are kept on disk: what was meshed before needs no gmsh, whose loading takes longer than meshing.
 
 A file is named by all that decides the mesh: outline, sizes, gmsh with the user's settings of it, and the code that
-asks it. It is written whole or not at all, checked when it is read, and made again where it is damaged.
+asks it.
 """
 
 from __future__ import annotations
@@ -10,25 +10,18 @@ import functools
 import hashlib
 import importlib.util
 import os
-import warnings
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ..base.arrayfile import read_npz
-from ..base.errors import OutputError
-from ..base.files import cache_folder, replacing
+from ..base.files import cache_folder
+from ..base.kept import keep, read_kept
 from ..errors import MacrofitError
 from ..scene.keys import MeshFile, Scene
 from .geometry import Drawing, Sizes, draw_body
 from .triangles import MeshData
 
-MOST_BYTES = 200_000_000
-"""Size of all meshes that are kept; the oldest go first."""
 EDGES = "edges of "
 """What the names of the arrays of a boundary begin with in a file."""
 
@@ -46,38 +39,20 @@ def mesh_file(drawing: Drawing, coarse: float, growth: float) -> Path | None:
     return folder / "meshes" / f"{key}.npz"
 
 
-def read_kept(file: Path) -> MeshData | None:
+def kept_mesh(file: Path) -> MeshData | None:
     """The mesh in a file; None where there is none, or a damaged one, which a warning says."""
-    if not os.path.exists(file):  # it raises nothing, whatever the name
+    arrays = read_kept(file)
+    if arrays is None:
         return None
-    try:
-        arrays = read_npz(file, MOST_BYTES)
-        if not np.array_equal(arrays.pop("digest"), _digest(file, arrays)):
-            raise ValueError
-        points, triangles = arrays.pop("points"), arrays.pop("triangles")
-    except (OutputError, ValueError, KeyError):
-        warnings.warn(f"{file} is damaged and is made again", stacklevel=3)
-        return None
+    points, triangles = arrays.pop("points"), arrays.pop("triangles")
     edges = {name.removeprefix(EDGES): pairs for name, pairs in arrays.items()}
     return MeshData(points=points, triangles=triangles, edges=edges)
 
 
-def keep(file: Path, data: MeshData) -> None:
+def keep_mesh(file: Path, data: MeshData) -> None:
     """Keep a mesh for later runs; a folder that cannot be written is done without."""
-    arrays = {"points": data.points, "triangles": data.triangles}
-    arrays |= {f"{EDGES}{name}": pairs for name, pairs in data.edges.items()}
-    with suppress(OutputError, OSError):
-        with replacing(file) as draft:
-            np.savez(draft, digest=_digest(file, arrays), **arrays)
-        _remove_oldest(file.parent)
-
-
-def _digest(file: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.uint8]:
-    """SHA-256 of a file's name and arrays with their names, types and shapes: an archive checks bytes of each alone."""
-    digest = hashlib.sha256(file.stem.encode())
-    for name in sorted(arrays):
-        digest.update(repr((name, arrays[name].dtype.str, arrays[name].shape)).encode() + arrays[name].tobytes())
-    return np.frombuffer(digest.digest(), dtype=np.uint8)
+    edges = {f"{EDGES}{name}": pairs for name, pairs in data.edges.items()}
+    keep(file, {"points": data.points, "triangles": data.triangles, **edges})
 
 
 def all_kept(scene: Scene) -> bool:
@@ -93,21 +68,6 @@ def all_kept(scene: Scene) -> bool:
         if file is None or not os.path.exists(file):
             return False
     return True
-
-
-def _remove_oldest(folder: Path) -> None:
-    """Keep the newest meshes alone; another process may remove them too."""
-    kept = []
-    for file in folder.glob("*.npz"):
-        with suppress(OSError):
-            about = file.stat()
-            kept.append((about.st_mtime_ns, about.st_size, file))
-    total = 0
-    for _, size, file in sorted(kept, reverse=True):
-        total += size
-        if total > MOST_BYTES:
-            with suppress(OSError):
-                file.unlink(missing_ok=True)
 
 
 @functools.lru_cache(maxsize=1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .geometry import Drawing
-from .kept import keep, mesh_file, read_kept
+from .kept import keep_mesh, kept_mesh, mesh_file
 from .magnitudes import check_drawing
 from .reader import read_mesh
 from .triangles import MeshData, compact
@@ -26,11 +26,11 @@ def mesh_drawing(drawing: Drawing, coarse: float, growth: float) -> MeshData:
     """
     check_drawing(drawing, coarse, growth)
     file = mesh_file(drawing, coarse, growth)
-    found = None if file is None else read_kept(file)
+    found = None if file is None else kept_mesh(file)
     if found is None:
         found = _meshed(drawing, coarse, growth)
         if file is not None:
-            keep(file, found)
+            keep_mesh(file, found)
     return found
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..base.arrays import BoolArray, FloatArray, IntArray
+from ..bodies.discretisation import Discretisation
 from ..bodies.elasticity import strain_operator
-from ..bodies.fenics import Discretisation
 
 CANDIDATES = 12
 """Cells whose centres are nearest to a point, among which the one that holds it is looked for."""

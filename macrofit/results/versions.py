@@ -58,13 +58,11 @@ def _stated(name: str, options: Mapping[str, Any]) -> str | None:
 def versions() -> dict[str, str]:
     """Versions of what computes; nothing is imported for it, and what is not installed is left out."""
     found = {"macrofit": sys.modules["macrofit"].__version__, "python": platform.python_version()}
-    for name, distribution in (("numpy", "numpy"), ("scipy", "scipy"), ("dolfinx", "fenics-dolfinx")):
+    named = (("numpy", "numpy"), ("scipy", "scipy"), ("dolfinx", "fenics-dolfinx"), ("petsc", "petsc4py"))
+    for name, distribution in named:
         version = getattr(sys.modules.get(name), "__version__", None)
         try:
             found[name] = version or metadata.version(distribution)
         except metadata.PackageNotFoundError:
             continue
-    petsc = sys.modules.get("petsc4py.PETSc")
-    if petsc is not None:
-        found["petsc"] = ".".join(str(part) for part in petsc.Sys.getVersion())
     return found

@@ -30,7 +30,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from ..base.arrays import FloatArray
-from ..bodies.fenics import Discretisation, tabulate
+from ..bodies.discretisation import Discretisation, tabulate
 from ..scene.material import Material
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]

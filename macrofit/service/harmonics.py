@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from ..base.arrays import BoolArray, FloatArray, IntArray
 from ..base.cholmod import Factor, NotDefiniteError, factor
-from ..bodies.fenics import Discretisation
+from ..bodies.discretisation import Discretisation
 from ..errors import MeshError
 from ..scene.material import Material
 from .elements import ComplexArray, Stiffness, assemble_harmonic, assemble_harmonics

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import FloatArray, IntArray
-from ..bodies.fenics import Discretisation
+from ..bodies.discretisation import Discretisation
 from ..contact.moments import shape
 from ..errors import MeshError, SceneError
 

@@ -60,7 +60,7 @@ def stages(scene: Scene) -> list[Cost]:
         return float(contact.moments), float(span.stop - span.start)
 
     watched = {
-        "mesh": (body, "mesh_drawing"), "assemble": (body, "discretise"),
+        "mesh": (body, "mesh_drawing"), "assemble": (body, "elastic_space"),
         "piece": (pieces, "_piece"), "cuts": (pieces, "_between"),
         "condense": (assembly, "condense_bodies"),
         "engine": (assembly, "engine_of"), "assembly": (assembly, "discretise_bodies"),
@@ -85,7 +85,7 @@ def stages(scene: Scene) -> list[Cost]:
     t = {name: watch.cpu_s for name, watch in w.items()}
     out = [
         Cost("set-up: meshes (gmsh)", t["mesh"]),
-        Cost("set-up: spaces and matrices (dolfinx)", t["assembly"] - t["mesh"]),
+        Cost("set-up: spaces and matrices (dolfinx, or as kept)", t["assembly"] - t["mesh"]),
         Cost("set-up: pieces of the bodies (CHOLMOD)", t["piece"]),
         Cost("set-up: compliance between their cuts", t["cuts"]),
         Cost("set-up: condensing, rest", t["condense"] - t["piece"] - t["cuts"]),

@@ -11,8 +11,9 @@ from revolved import grid, places, revolved, stress_at
 from small import small_press
 
 from macrofit.assembly import discretise_bodies
+from macrofit.bodies.discretisation import Discretisation
 from macrofit.bodies.elasticity import weak_form
-from macrofit.bodies.fenics import Discretisation, discretise
+from macrofit.bodies.fenics import discretise
 from macrofit.scene.material import Material
 from macrofit.service.elements import assemble_harmonic, assemble_harmonics, quadrature_points
 from macrofit.service.loads import Section, front_face

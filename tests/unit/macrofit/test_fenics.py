@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from macrofit.bodies import fenics
 from macrofit.bodies.fenics import is_sound_library
 
 FACTORS = """
@@ -27,7 +28,15 @@ def resident(times):
 before = resident(3)
 print(resident(10) - before)
 """
-COMPILE = "from macrofit.bodies.body import compile_form; compile_form(1)"
+COMPILE = """
+import numpy as np
+from macrofit.bodies.elasticity import weak_form
+from macrofit.bodies.fenics import discretise
+from macrofit.bodies.triangles import MeshData
+
+corner = np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
+discretise(MeshData(points=corner, triangles=np.array([[0, 1, 2]]), edges={}), 1, weak_form, (1.0, 1.0))
+"""
 
 
 @pytest.mark.slow
@@ -98,7 +107,7 @@ def test_damaged_libraries_are_compiled_anew(tmp_path: Path) -> None:
 
 def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
     """Forms are compiled all the same, in a temporary folder that is gone afterwards, and one line says so."""
-    code = COMPILE + "; import os; print(os.environ['XDG_CACHE_HOME'])"
+    code = COMPILE + "import os; print(os.environ['XDG_CACHE_HOME'])"
     done = compiled(Path("/proc/nowhere"), code)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("cannot be written") == 1
@@ -123,3 +132,39 @@ def test_user_without_a_home() -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("/")
     assert done.stderr.count("cannot be written") == 1
+
+
+@pytest.mark.slow
+def test_two_that_compile_wait_for_each_other(tmp_path: Path) -> None:
+    """Ranks, or two first runs, where a compilation was killed: nobody takes the other's source for a leftover."""
+    compiled(tmp_path)
+    for path in [*(tmp_path / "fenics").glob("*.so"), *(tmp_path / "fenics").glob("*.cached")]:
+        path.unlink()
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-W", "ignore", "-c", COMPILE],
+            env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    assert [each.communicate(timeout=100)[0] for each in both] == [b"", b""]
+    assert [each.returncode for each in both] == [0, 0]
+
+
+def test_nobody_waits_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a process that compiles and was stopped, say; and where files cannot be locked."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(fenics, "LONGEST_WAIT_S", 0.1)
+    with fenics._alone(), fenics._alone():  # two files, as if of two processes
+        assert (tmp_path / "fenics" / "macrofit.lock").exists()
+    monkeypatch.setattr(fenics, "LONGEST_WAIT_S", 1e9)
+    with fenics._alone():
+        pass
+
+    def refused(*_: object) -> None:
+        raise OSError("no locks here")
+
+    monkeypatch.setattr(fenics.fcntl, "flock", refused)
+    with fenics._alone():
+        pass

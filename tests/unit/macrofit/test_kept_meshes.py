@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from macrofit.base import kept as arrays
 from macrofit.bodies import kept, mesh
 from macrofit.bodies.geometry import Drawing, Sizes, draw_body
 from macrofit.bodies.mesh import MeshData, mesh_drawing
@@ -121,7 +122,7 @@ def test_the_oldest_go_first(cache: Path, monkeypatch: pytest.MonkeyPatch) -> No
     mesh_drawing(drawing(), COARSE, GROWTH)
     (oldest,) = cache.iterdir()
     os.utime(oldest, ns=(0, 0))
-    monkeypatch.setattr(kept, "MOST_BYTES", int(1.5 * oldest.stat().st_size))
+    monkeypatch.setattr(arrays, "MOST_BYTES", int(1.5 * oldest.stat().st_size))
     mesh_drawing(drawing(), 29.0, GROWTH)
     (left,) = cache.iterdir()
     assert left != oldest
