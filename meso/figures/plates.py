@@ -122,11 +122,12 @@ def plates_seen(plates: Plates) -> Any:
         colours.append(_shades(colour, int(shown.sum())))
     image, extent = draw(view, np.concatenate(centres), np.concatenate(radii), np.concatenate(colours), width=WIDTH)
     left, right, bottom, top = extent
+    inch = WIDTH / DPI / (right - left)  # of a mm: a pixel of the picture is one of the figure, and none is resampled
     left, right, bottom, top = left - 0.06, right + 0.06, bottom - 0.16, top + 0.06
-    across, up = 8.6, 8.6 * (top - bottom) / (right - left)
+    across, up = inch * (right - left), inch * (top - bottom)
     figure = blank(across, up)
     axes = placed(figure, 0.0, 0.0, across, up)
-    axes.imshow(image, extent=extent, interpolation="antialiased")
+    axes.imshow(image, extent=extent, interpolation="nearest")
     axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
     _label_plates(axes, view, plates)

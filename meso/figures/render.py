@@ -61,7 +61,7 @@ def draw(
     depth, owner = np.full(shape, -np.inf, dtype=np.float32), np.full(shape, -1, dtype=np.int32)
     nearest(centre, size, depth, owner)
     mean = size.mean()
-    filled = np.where(owner >= 0, depth, depth.min(initial=np.inf, where=owner >= 0))
+    filled = np.maximum(depth, centre[:, 2].min())  # the background, as deep as what is drawn
     around = uniform_filter(filled, 2 * int(1.5 * mean) + 1)
     image = np.zeros((shape[0] // SAMPLES, width, 4), dtype=np.uint8)
     shade(centre, size, colours.astype(np.float32), LIGHT.astype(np.float32), depth, owner, around, mean, image)

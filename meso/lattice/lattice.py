@@ -6,7 +6,7 @@ back is tied to a point L - H behind the plate that is held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +47,8 @@ class Lattice:
     """-nu/(1 + nu) of the beams [-]."""
     scaling: float = 1.0
     """Factor on the moduli of the beams that makes the plate as stiff as its material [-]; 1 where it is not known."""
+    modulus: float | None = None
+    """Young's modulus of the plate by itself, see `own_modulus` [MPa]; None where nobody has pulled it."""
 
     @property
     def nodes(self) -> int:
@@ -153,18 +155,11 @@ def join(wheel: Lattice, axle: Lattice) -> Lattice:
 
 def turned_over(lattice: Lattice, height: float) -> Lattice:
     """The lattice mirrored in z and moved up: z <- height - z [mm]; the wheel's plate faces down."""
-    mirror = np.array([1.0, 1.0, -1.0])
-    return Lattice(
-        centres=lattice.centres * mirror + np.array([0.0, 0.0, height]),
-        radii=lattice.radii,
-        masses=lattice.masses,
-        rows=lattice.rows,
-        cols=lattice.cols,
+    return replace(
+        lattice,
+        centres=lattice.centres * np.array([1.0, 1.0, -1.0]) + np.array([0.0, 0.0, height]),
         beams=lattice.beams * np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0]),
-        anchored=lattice.anchored,
         anchors=lattice.anchors * np.array([1.0, 1.0, -1.0, 1.0, 1.0]),
-        twist=lattice.twist,
-        scaling=lattice.scaling,
     )
 
 

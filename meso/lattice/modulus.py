@@ -58,10 +58,11 @@ def scaled_to(modulus: float, packing: Packing, lattice: Lattice) -> Lattice:
     Raises:
         SettingsError: as `own_modulus`.
     """
-    factor = cut(modulus / own_modulus(packing, lattice))
+    before = own_modulus(packing, lattice)
+    factor = cut(modulus / before)
     beams = lattice.beams.copy()
     beams[:, [kernels.AXIAL, kernels.BENDING]] *= factor
-    return replace(lattice, beams=beams, scaling=factor * lattice.scaling)
+    return replace(lattice, beams=beams, scaling=factor * lattice.scaling, modulus=factor * before)
 
 
 def middle_strain(packing: Packing, u: FloatArray, axis: int) -> FloatArray:

@@ -126,7 +126,7 @@ def packing_numbers(packing: Packing) -> dict[str, Any]:
 
 def modulus_numbers(packing: Packing, lattice: Lattice) -> dict[str, float]:
     """Young's modulus of a plate as it slides, and with its beams as they were before they were scaled."""
-    modulus = own_modulus(packing, lattice)
+    modulus = own_modulus(packing, lattice) if lattice.modulus is None else lattice.modulus
     return {
         "youngs_modulus_MPa": modulus,
         "youngs_modulus_before_MPa": modulus / lattice.scaling,

@@ -118,9 +118,11 @@ def heights_at(h: FloatArray, size: tuple[float, float], x: npt.ArrayLike, y: np
     Returns:
         Heights (..., shape that x and y broadcast to) [mm].
     """
-    (i, u), (j, v) = (_cell(h.shape[axis - 2] - 1, size[axis], at) for axis, at in enumerate((x, y)))
-    corner, opposite = h[..., i, j], h[..., i + 1, j + 1]
-    middle = np.where(u >= v, h[..., i + 1, j], h[..., i, j + 1])  # the third corner of the point's triangle
+    (i, u), (j, v) = (_cell(h.shape[axis - 2] - 1, size[axis], each) for axis, each in enumerate((x, y)))
+    row, flat = h.shape[-1], h.reshape(*h.shape[:-2], -1)
+    at = i * row + j  # taken by one number, in half of the time that two take
+    corner, opposite = flat.take(at, -1), flat.take(at + (row + 1), -1)
+    middle = flat.take(at + np.where(u >= v, row, 1), -1)  # the third corner of the point's triangle
     larger, smaller = np.maximum(u, v), np.minimum(u, v)
     return np.asarray(corner + (middle - corner) * larger + (opposite - middle) * smaller)
 
