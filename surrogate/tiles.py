@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 from meso.settings import FaceKeys
@@ -22,9 +21,10 @@ from .data.faces import generated_faces, in_one_piece
 from .errors import PredictionError
 from .levels import PressureLevels
 from .network.checkpoint import Control
-from .network.inference import Single, TrainedEnsemble, upper_roughness
+from .network.inference import TrainedEnsemble, upper_roughness
 from .network.predict import Prediction, Predictor
 from .network.shipped import NETWORK
+from .network.slides import KeptEnds, Single, SlideEnds, with_room
 
 T = TypeVar("T", bound=np.generic)
 FACES_TOGETHER = 16
@@ -71,6 +71,8 @@ class Tiles:
         }
         levels = 1 if pressures is None else pressures.count
         self._row = np.full((*self.counts, levels), -1, dtype=np.int32)  # of a pair at a level, below
+        pieces = in_one_piece(surface, "axle")
+        self._ends = KeptEnds((self.counts[0] + 1) * self.counts[1] * levels) if pieces else None
         self._expected: list[IntArray] = []  # numbers of pairs at a level, to be prepared with the next ones
         self._laws: Single = np.empty(0, dtype=np.float32)  # with room for more pairs
         self._flags: BoolArray = np.empty(0, dtype=np.bool_)
@@ -158,12 +160,20 @@ class Tiles:
             roughness=(wheels.roughness, axles.roughness),
             load=load,
             constant_force=free,
+            ends=self._slide_ends(seat, bore, level) if free.all() else None,
         )
         old, new = self.prepared, self.prepared + len(seat)
         laws = model.affine_laws(slopes, features)
-        self._laws, self._flags = _with_room(self._laws, laws, old), _with_room(self._flags, model.flags(features), old)
+        self._laws, self._flags = with_room(self._laws, laws, old), with_room(self._flags, model.flags(features), old)
         self._row[seat, bore, level] = np.arange(old, new)
         self.prepared = new
+
+    def _slide_ends(self, seat: IntArray, bore: IntArray, level: IntArray) -> SlideEnds | None:
+        """The ends of the slides of pairs, where a slide over a tile of the seat ends as that over the next begins."""
+        if self._ends is None:
+            return None
+        shape = self.counts[0] + 1, *self._row.shape[1:]
+        return SlideEnds(self._ends, *(np.ravel_multi_index((at, bore, level), shape) for at in (seat, seat + 1)))
 
     def _side(self, body: Body, tiles: IntArray) -> _Side:
         """The faces of a body, with these tiles made."""
@@ -174,6 +184,8 @@ class Tiles:
             part = slice(first, min(first + block, len(side.made)))
             self._make(side, body, part)
             side.made[part] = True
+            if body == "axle" and not side.goes_on(part):
+                self._ends = None
             self.faces += part.stop - part.start
         return side
 
@@ -206,16 +218,12 @@ class _Side:
         self.parts: Single = np.zeros(0, dtype=np.float32)  # of the paper's network, once a face is made
         self.made = np.zeros(count, dtype=np.bool_)
 
-
-def _with_room(rows: npt.NDArray[T], more: npt.NDArray[T], old: int) -> npt.NDArray[T]:
-    """A table of the first `old` rows and of `more`; it doubles, so that few rows are moved."""
-    new = old + len(more)
-    if new > len(rows):
-        larger = np.empty((max(new, 2 * len(rows)), *more.shape[1:]), dtype=more.dtype)
-        larger[:old] = rows[:old] if old else larger[:0]
-        rows = larger
-    rows[old:new] = more
-    return rows
+    def goes_on(self, part: slice) -> bool:
+        """Whether these faces and their neighbours go on in those that follow: a second half is the next first one."""
+        near = slice(max(0, part.start - 1), part.stop + 1)
+        faces, made, half = self.heights[near], self.made[near], self.heights.shape[1] // 2
+        both = np.flatnonzero(made[:-1] & made[1:])
+        return np.array_equal(faces[both, half:], faces[both + 1, : half + 1])
 
 
 def load_predictor(path: Path | None) -> Predictor:

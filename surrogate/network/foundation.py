@@ -16,7 +16,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from .inference import NEWTON_STEPS, NEWTON_TOLERANCE, check_foundations, node_shares
+from .inference import check_foundations
+from .slides import NEWTON_STEPS, NEWTON_TOLERANCE, node_shares
 
 
 class SlideResponse(NamedTuple):
@@ -40,7 +41,7 @@ class Foundation(nn.Module):
         load: normal force at the start, which sets the height [N].
         positions: places of the slide, the first and the last among them: one more than a divisor of n.
         edge: edge of the apparent area, and length of the slide [mm].
-        trapezoid: nodes on the border of a face stand for half a cell of the grid, see `inference.node_shares`.
+        trapezoid: nodes on the border of a face stand for half a cell of the grid, see `slides.node_shares`.
 
     Raises:
         ValueError: the stiffnesses do not rise, or there are fewer than two positions.

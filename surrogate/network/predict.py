@@ -13,8 +13,9 @@ from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
 from ..errors import PredictionError
 from .checkpoint import Control, Provenance, load_for_answers
-from .inference import Single, TrainedEnsemble
+from .inference import TrainedEnsemble
 from .shipped import NETWORK
+from .slides import Single
 
 if TYPE_CHECKING:
     from .model import Body, LallemanCNN, LallemanEnsemble

@@ -14,12 +14,13 @@ from torch import Tensor
 
 from surrogate.data.samples import Plates
 from surrogate.errors import PredictionError
-from surrogate.network import foundation, inference
+from surrogate.network import foundation, inference, slides
 from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Model, Provenance, save_checkpoint
 from surrogate.network.foundation import Foundation, SlideResponse
-from surrogate.network.inference import TrainedEnsemble, ensemble_shapes, node_shares
+from surrogate.network.inference import TrainedEnsemble, ensemble_shapes
 from surrogate.network.model import PAIRS_PER_CHUNK, FoundationEnsemble, LallemanCNN, LallemanEnsemble, upper_roughness
 from surrogate.network.predict import Prediction, Predictor
+from surrogate.network.slides import node_shares
 
 POINTS, WHEELS, AXLES = 17, 7, 11
 LOAD = 170.0
@@ -296,15 +297,15 @@ def test_newton_knows_what_its_nodes_stand_for(touching: str, monkeypatch: pytes
     shares, calls = node_shares(9, 9), []
     asked = 1.0 / 64.0 if touching == "all nodes" else 0.25 / 64.0 * 0.5
     expected, below = (-asked, -1.0) if touching == "all nodes" else (0.5, 0.25)
-    touch, summed = inference.touched, foundation.sum_of_nodes
+    touch, summed = slides.touched, foundation.sum_of_nodes
 
     def counted(function: Any) -> Any:
         return lambda *given: (calls.append(function), function(*given))[1]
 
-    monkeypatch.setattr(inference, "touched", counted(touch))
+    monkeypatch.setattr(slides, "touched", counted(touch))
     monkeypatch.setattr(foundation, "sum_of_nodes", counted(summed))
     overlap, start, work = np.full(len(sums), asked), np.full(len(sums), below), np.empty_like(sums)
-    found = inference.contact_height(sums, overlap, touch(sums, start, work, shares), work, shares)
+    found = slides.contact_height(sums, overlap, touch(sums, start, work, shares), work, shares)
     both = (torch.from_numpy(values)[:, None] for values in (overlap, start))
     torched = foundation.contact_height(torch.from_numpy(sums), *both, torch.from_numpy(shares))
     assert found.height == pytest.approx(expected, rel=1e-6)

@@ -20,7 +20,7 @@ from surrogate.data.faces import generated_face, generated_faces, sampled_height
 from surrogate.data.samples import Plates
 from surrogate.errors import CheckpointError, PredictionError
 from surrogate.network import inference
-from surrogate.network.checkpoint import CNNOptions, EnsembleOptions, Provenance, save_checkpoint
+from surrogate.network.checkpoint import CNNOptions, Control, EnsembleOptions, Provenance, save_checkpoint
 from surrogate.network.predict import Prediction, Predictor
 from surrogate.tiles import FACES_TOGETHER, KEPT, Tiles, load_predictor, shared_tiles
 
@@ -31,7 +31,7 @@ SURFACE = FaceKeys(**KEYS)
 SEAT, BORE = (tiles.ravel() for tiles in np.meshgrid(*map(np.arange, COUNTS), indexing="ij"))
 
 
-def network(options: EnsembleOptions | CNNOptions, path: Path) -> Predictor:
+def network(options: EnsembleOptions | CNNOptions, path: Path, control: Control = "displacement") -> Predictor:
     """Of random weights: every layer counts, and no two members agree."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
@@ -42,17 +42,18 @@ def network(options: EnsembleOptions | CNNOptions, path: Path) -> Predictor:
             model.lost.fill_(0.6)
     about = Provenance(
         options=options, faces="generated", database="", seed=0, training=0, validation=0, points=POINTS,
-        plates=Plates(), surface_seeds=(0, 999), packing_seeds=(0, 9), max_height=(0.0, 1.0), levels=(3,),
-        hurst_exponent=(0.0, 1.0), micro_friction=(0.0, 1.0), validation_error={}, validation_r2=0.0, versions={},
+        plates=Plates(control=control), surface_seeds=(0, 999), packing_seeds=(0, 9), max_height=(0.0, 1.0),
+        levels=(3,), hurst_exponent=(0.0, 1.0), micro_friction=(0.0, 1.0),
+        validation_error={}, validation_r2=0.0, versions={},
     )  # fmt: skip
     save_checkpoint(path, model, about)
     return Predictor(path)
 
 
-@pytest.fixture(scope="module")
-def energy(tmp_path_factory: pytest.TempPathFactory) -> Predictor:
+@pytest.fixture(scope="module", params=["displacement", "force"])
+def energy(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Predictor:
     options = EnsembleOptions(stiffness=[3e4, 1e5], load=170.0, members=3)
-    return network(options, tmp_path_factory.mktemp("network") / "energy.safetensors")
+    return network(options, tmp_path_factory.mktemp("network") / "energy.safetensors", request.param)
 
 
 @pytest.fixture(scope="module", params=[1, 3], ids=["alone", "several"])
@@ -105,7 +106,7 @@ def test_the_networks_own_bits_in_any_batches(energy: Predictor, batches: list[I
     """For two micro coefficients in turn, which change places from batch to batch."""
     whole = {micro: directly(energy, micro) for micro in (0.03, 0.08)}
     assert len(np.unique(whole[0.03].mean)) == len(ROWS)
-    assert 0 < whole[0.03].in_contact.sum() < len(ROWS)
+    assert 0 < whole[0.03].in_contact.sum() < len(ROWS) or energy.provenance.plates.control == "force"
     asked = tiles(energy)
     for number, rows in enumerate(batches):
         for micro in (0.03, 0.08)[:: 1 - 2 * (number % 2)]:
@@ -141,18 +142,19 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
     """Whatever is asked again, and for another micro coefficient; no pair that is not asked for."""
     drawn: list[tuple[str, int]] = []
     slid: list[int] = []
-    slide = inference.slide_foundations
+    name = "slide_by_ends" if energy.provenance.plates.control == "force" else "slide_foundations"
+    slide = getattr(inference, name)
 
     def counted(body: Any, seed: int, count: int, *keys: Any) -> Any:
         drawn.extend((body, seed + k) for k in range(count))
         return generated_faces(body, seed, count, *keys)
 
-    def sliding(options: Any, wheel: Any, *given: Any) -> Any:
+    def sliding(options: Any, wheels: Any, axles: Any, wheel: IntArray, *given: Any) -> Any:
         slid.append(len(wheel))
-        return slide(options, wheel, *given)
+        return slide(options, wheels, axles, wheel, *given)
 
     monkeypatch.setattr("surrogate.tiles.generated_faces", counted)
-    monkeypatch.setattr(inference, "slide_foundations", sliding)
+    monkeypatch.setattr(inference, name, sliding)
     asked, pairs = tiles(energy), 0
     for rows in BATCHES["pressed"]:
         pairs += len(rows)
@@ -160,6 +162,30 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
             asked.predict(SEAT[rows], BORE[rows], micro)
             assert asked.prepared == sum(slid) == pairs
     assert asked.faces == len(drawn) == len(set(drawn)) == sum(COUNTS)
+    if name == "slide_by_ends":  # each wheel's tile on each tile of the seat and on what follows the last, once
+        assert asked._ends is not None
+        assert asked._ends.count == (COUNTS[0] + 1) * COUNTS[1]
+
+
+@pytest.mark.parametrize("block", [1, 3])
+def test_ends_are_shared_where_faces_go_on(energy: Predictor, monkeypatch: pytest.MonkeyPatch, block: int) -> None:
+    """A strip whose pieces differ in one bit of one height shares nothing, and tiles of their own never do."""
+    monkeypatch.setattr(surrogate.tiles, "FACES_TOGETHER", block)
+    asked = tiles(energy)
+    asked.predict(SEAT, BORE, 0.03)
+    assert asked._ends is not None
+
+    def off(body: Any, seed: int, count: int, *keys: Any) -> Any:
+        faces = generated_faces(body, seed, count, *keys)
+        if body == "axle" and seed <= 65536 * SEED + 5 < seed + count:
+            faces[65536 * SEED + 5 - seed, 3, 4] += 1e-7
+        return faces
+
+    monkeypatch.setattr("surrogate.tiles.generated_faces", off)
+    rough = tiles(energy)
+    rough.predict(SEAT, BORE, 0.03)
+    assert rough._ends is None
+    assert Tiles(energy, SEED, FaceKeys(**KEYS, form="tiles"), COUNTS)._ends is None
 
 
 def test_expected_pairs_come_with_the_next_ones(energy: Predictor, monkeypatch: pytest.MonkeyPatch) -> None:
