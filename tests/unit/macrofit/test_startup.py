@@ -15,6 +15,8 @@ from benchmarks.verification import worst
 from found import Figures, Found
 from unit.test_imports import loaded_by, run_help
 
+from macrofit.base.caches import RANKS
+
 ORDER = """
 import json, sys
 from macrofit.cli import main
@@ -69,6 +71,20 @@ def test_a_run_loads_what_its_scene_asks_for(tmp_path: Path, monkeypatch: pytest
     curves = [(tmp_path / name / "fitting_curve.csv").read_text().splitlines() for name in ("run", "again")]
     without_time = [[line.rpartition(",")[0] for line in lines] for lines in curves]
     assert without_time[0] == without_time[1]
+
+
+@pytest.mark.parametrize("launched", [False, True])
+def test_alone_mpi_looks_for_no_networks(monkeypatch: pytest.MonkeyPatch, launched: bool) -> None:
+    """To find that there are none takes 0.2 s; ranks may need them, and what a user has set stays."""
+    for name in [*RANKS, *(name for name in os.environ if name.startswith(("OMPI_", "PMIX_", "PMI_")))]:
+        monkeypatch.delenv(name, raising=False)
+    if launched:
+        monkeypatch.setenv("PMIX_RANK", "0")
+    code = "import os\nfrom macrofit.cli import main\nmain(['scenes'], standalone_mode=False)\n"
+    code += "print(os.environ.get('OMPI_MCA_mtl'), os.environ.get('OMPI_MCA_ess_singleton_isolated'))"
+    assert said(code) == ("None None" if launched else "^psm,psm2,ofi 1")
+    monkeypatch.setenv("OMPI_MCA_mtl", "ofi")
+    assert said(code).startswith("ofi")
 
 
 def test_nothing_is_looked_through_when_a_command_ends() -> None:
