@@ -35,14 +35,14 @@ def elastic_space(data: MeshData, order: int, material: Material) -> Discretisat
     """
     moduli = (material.lame_lambda, material.shear_modulus)
     file = _file(data, order, moduli)
-    found = None if file is None else _kept(file, order)
+    found = None if file is None else kept_stiffness(file, order)
     if found is None:
         from .elasticity import weak_form
         from .fenics import discretise
 
         found = discretise(data, order, weak_form, moduli)
         if file is not None:
-            _keep(file, found)
+            keep_stiffness(file, found)
     return found
 
 
@@ -57,7 +57,8 @@ def _file(data: MeshData, order: int, moduli: tuple[float, float]) -> Path | Non
     return folder / "stiffness" / f"{digest.hexdigest()[:24]}.npz"
 
 
-def _kept(file: Path, order: int) -> Discretisation | None:
+def kept_stiffness(file: Path, order: int) -> Discretisation | None:
+    """The elements and the stiffness in a file; None where there is none, or a damaged one, which a warning says."""
     arrays = read_kept(file)
     if arrays is None:
         return None
@@ -71,7 +72,8 @@ def _kept(file: Path, order: int) -> Discretisation | None:
     )
 
 
-def _keep(file: Path, space: Discretisation) -> None:
+def keep_stiffness(file: Path, space: Discretisation) -> None:
+    """Keep what dolfinx gave for later runs; a folder that cannot be written is done without."""
     K = space.stiffness
     edges: dict[str, IntArray] = {f"{EDGES}{name}": places for name, places in space.edges.items()}
     rows = {"entries": K.data, "indices": K.indices, "starts": K.indptr}

@@ -12,9 +12,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import scipy.sparse as sp
 import torch
 
-from macrofit.bodies.kept import keep, read_kept
+from macrofit.bodies.discretisation import Discretisation
+from macrofit.bodies.kept import keep_mesh, kept_mesh
+from macrofit.bodies.stiffness import keep_stiffness, kept_stiffness
 from macrofit.bodies.triangles import MeshData
 from macrofit.results.encoding import encode
 from macrofit.results.journal import Journal
@@ -148,13 +151,37 @@ def read_packing(path: Path) -> Content:
 def make_mesh(folder: Path) -> Path:
     edges = {"seat": np.array([[0, 1]]), "held": np.array([[1, 2]])}
     path = folder / "meshes" / "a.npz"
-    keep(path, MeshData(points=np.array([[0.1, 0.0], [1.0 / 3.0, 0.0], [0.0, 0.7]]), triangles=CORNERS, edges=edges))
+    keep_mesh(
+        path, MeshData(points=np.array([[0.1, 0.0], [1.0 / 3.0, 0.0], [0.0, 0.7]]), triangles=CORNERS, edges=edges)
+    )
     return path
 
 
 def read_mesh(path: Path) -> Content:
-    mesh = read_kept(path)
+    mesh = kept_mesh(path)
     return None if mesh is None else [plain(mesh.points), plain(mesh.triangles), *map(plain, mesh.edges.values())]
+
+
+def make_stiffness(folder: Path) -> Path:
+    space = Discretisation(
+        order=1,
+        nodes=np.array([[0.1, 0.0], [1.0 / 3.0, 0.0], [0.0, 0.7]]),
+        cells=CORNERS,
+        edges={"seat": np.array([[0, 0, 1]])},
+        stiffness=sp.csr_matrix(np.cos(np.arange(36.0)).reshape(6, 6)),
+    )
+    path = folder / "stiffness" / "a.npz"
+    keep_stiffness(path, space)
+    return path
+
+
+def read_stiffness(path: Path) -> Content:
+    space = kept_stiffness(path, 1)
+    if space is None:
+        return None
+    K = space.stiffness
+    arrays = [space.nodes, space.cells, K.data, K.indices, K.indptr, *space.edges.values()]
+    return [repr(K.shape).encode(), *map(plain, arrays)]
 
 
 def rows() -> list[bytes]:
@@ -245,6 +272,7 @@ KINDS: dict[str, Kind] = {
     "coefficient of `dem`": Kind(make_coefficient, read_coefficient),
     "packing": Kind(make_packing, read_packing),
     "mesh of a drawing": Kind(make_mesh, read_mesh),
+    "stiffness of a body": Kind(make_stiffness, read_stiffness),
     "database": Kind(make_database, read_samples),
     "journal of a database": Kind(make_database_journal, lambda path: read_samples(path.with_suffix("")), grows=True),
     "table of samples": Kind(make_table, read_table_of),
