@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..base.arrays import FloatArray, IntArray
 from .discretisation import Discretisation
@@ -41,16 +40,3 @@ class GaussPoints:
         sides = corners[:, 1:] - corners[:, :1]
         twice = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
         self.area = (twice[:, None] * weights).ravel()
-
-
-def point_matrix(space: Discretisation, cell: IntArray, values: FloatArray, *, by_component: bool) -> sp.csr_matrix:
-    """Values (n, 4, 2 b) on the unknowns of each point's cell (n,) as a matrix (4 n, dofs).
-
-    Its rows are those of one component after the other, or else of one point after the other.
-    """
-    count, nodes = len(cell), space.cells[cell]
-    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(count, 1, -1)
-    rows = np.arange(4 * count).reshape(4, count).T if by_component else np.arange(4 * count).reshape(count, 4)
-    data, place, columns = np.broadcast_arrays(values, rows[:, :, None], columns)
-    shape = (4 * count, 2 * len(space.nodes))
-    return sp.csr_matrix((data.ravel(), (place.ravel(), columns.ravel())), shape=shape)

@@ -69,7 +69,7 @@ def stages(scene: Scene) -> list[Cost]:
         "matrix": (CondensedProblem, "matrix"), "vector": (condensed, "_product", vector),
         "newton": (press, "newton"), "trial": (Press, "trial"),
         "back": (Body, "back_substitute"),
-        "stress": (StressEvaluator, "stress", lambda arguments, _: arguments[0]._operator.nnz * arguments[1].shape[1]),
+        "stress": (StressEvaluator, "stress", lambda arguments, _: arguments[0]._operator.size * arguments[1].shape[1]),
         "von_mises": (stress, "von_mises", lambda arguments, _: arguments[0].size),
         "stresses": (stress, "_evaluate"),
     }  # fmt: skip

@@ -18,8 +18,8 @@ from scipy.sparse.linalg import spsolve
 from small import small_press
 
 from macrofit.assembly import assemble, friction_field, yielding_of
-from macrofit.base.arrays import FloatArray
-from macrofit.bodies.gauss import point_matrix
+from macrofit.base.arrays import FloatArray, IntArray
+from macrofit.bodies.discretisation import Discretisation
 from macrofit.contact.eigen import Eigen, shifted
 from macrofit.contact.interface import couple_lines
 from macrofit.contact.law import ContactProblem, Status, classify
@@ -36,6 +36,16 @@ YIELD = tuple(
     for body in ("axle", "wheel")
     for key in ("yield_stress=300", "hardening.law=linear", "hardening.kinematic=4000", "hardening.isotropic=3000")
 )
+
+
+def point_matrix(space: Discretisation, cell: IntArray, values: FloatArray) -> sp.csr_matrix:
+    """Values (n, 4, 2 b) on the unknowns of each point's cell (n,) as a matrix (4 n, dofs), point after point."""
+    count, nodes = len(cell), space.cells[cell]
+    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(count, 1, -1)
+    rows = np.arange(4 * count).reshape(count, 4, 1)
+    data, place, columns = np.broadcast_arrays(values, rows, columns)
+    shape = (4 * count, 2 * len(space.nodes))
+    return sp.csr_matrix((data.ravel(), (place.ravel(), columns.ravel())), shape=shape)
 
 
 def press_of(scene: Scene) -> Press:
@@ -92,7 +102,7 @@ class Oracle:
                 whole = np.zeros(body.body.dofs)
                 whole[body.body.free] = u[part]
                 gauss = body.body.gauss
-                strains = point_matrix(body.body.space, gauss.cell, gauss.strain, by_component=False)
+                strains = point_matrix(body.body.space, gauss.cell, gauss.strain)
                 state, rate = self.point_law(body, (strains @ whole).reshape(-1, 4))
                 free = strains[:, body.body.free]
                 inner = sp.block_diag([w * body.moduli @ each for w, each in zip(body.weight, rate, strict=True)])
