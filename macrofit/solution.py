@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from .base.arrays import FloatArray, IntArray
-from .friction import TileOverlaps, tile_overlaps
+from .friction import Outside, TileOverlaps, tile_overlaps
 from .scene.keys import Scene
 
 TILE = 1.0  # mm, length of a friction tile
@@ -121,6 +121,13 @@ class Tiling:
         tiles = (self.size, self.seat_tiles, self.bore_tiles)
         return tile_overlaps(start, end, edge, *tiles, seat_origin=self.seat_origin)
 
+    def facing(self, seat: FloatArray, displacement: float) -> TileOverlaps:
+        """The same for the parts of the seat's facets, between its ends (facets + 1,) [mm], that face the bore."""
+        shift = displacement if self.radial else 0.0
+        rear, leading = (place + shift for place in self.bore_ends)
+        covered = np.clip(seat, rear, leading)
+        return self.overlaps(covered[:-1], covered[1:], displacement)
+
 
 @dataclass(frozen=True, kw_only=True)
 class PairFrictionMap:
@@ -155,6 +162,7 @@ class Solution:
     bore_ends: tuple[float, float] | None = None  # mm, coordinates of the bore's ends at displacement 0
     flowed: dict[str, YieldZone] = field(default_factory=dict)  # of bodies that may yield, where stress is evaluated
     beyond_yield: dict[str, YieldZone] = field(default_factory=dict)  # of elastic bodies that state a yield stress
+    outside: tuple[Outside, ...] = ()  # pairs of tiles for which the provider of friction may be wrong, by reason
     residual: dict[str, Extreme] = field(default_factory=dict)  # largest von Mises stress once the press has let go
 
     @property

@@ -20,7 +20,7 @@ import functools
 import hashlib
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
@@ -48,7 +48,7 @@ from meso.surfaces.surface import Body, tile_seed
 
 from .data.plates import Plates
 from .errors import SurrogateError
-from .levels import distinct_pairs
+from .levels import HALVED, distinct_pairs
 from .network.shipped import SHIPPED, NetworkName
 
 if TYPE_CHECKING:
@@ -58,8 +58,24 @@ Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
 LOOKED_AT = 9
 """Tiles of each body whose measured faces are compared with those that the network has seen."""
+UNKNOWN = 0.2
+"""Share by which the coefficient of a pair is taken to be wrong that is unlike all that were learned from [-]."""
 LARGEST_FRICTION = math.nextafter(2.0, 0.0)
 """Largest coefficient that the contract accepts [-]."""
+
+
+UNLIKE = (
+    "unknown faces: are unlike all that the network has learned from, by their heights and their load together; take "
+    "lower or smoother friction.options.surface, or friction.options.fallback = 'dem' (slow)"
+)
+UNSEEN = (
+    "unknown inputs: are asked for what the network has not seen ({}); take inputs within, or fallback = 'dem' (slow)"
+)
+BEYOND_PRESSURE = (
+    "unknown pressures: are pressed beyond the {:.3g} to {:.3g} MPa that the network has learned from and are answered "
+    "for the nearer end; take friction.options.fallback = 'dem' (slow), which asks the plates for their own pressure"
+)
+"""Why the network should not have been asked, as `KnowsItsRange` wants it."""
 
 
 class _Faces(msgspec.Struct, frozen=True):
@@ -187,7 +203,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 return self._dem(context)
             warnings.warn(f"friction provider 'surrogate': {message}; it is asked nevertheless", stacklevel=2)
         if self.fallback != "dem":
-            return TileNetwork(tiles, self, trusted=not unseen, youngs_modulus=context.youngs_modulus)
+            return TileNetwork(tiles, self, unseen=unseen, youngs_modulus=context.youngs_modulus)
         others = tiles.predictor.provenance.unlike(self._answering_plates(context))
         if others:
             warnings.warn(
@@ -195,7 +211,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"has learned from: {'; '.join(others)}. Take these keys out of friction.options.dem",
                 stacklevel=2,
             )
-        dem = functools.cache(lambda: self._dem(context))
+        dem = functools.cache(lambda pressure: self._dem(context, pressure))
         return TileNetwork(tiles, self, fallback=dem, youngs_modulus=context.youngs_modulus)
 
     def _preset(self) -> tuple[str, dict[str, Any]]:
@@ -304,16 +320,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             raise ProviderError(f"friction.options.surface: {error}") from None
         return unseen
 
-    def _dem(self, context: BuildContext) -> FrictionProvider:
-        """The provider `dem` on the same surfaces."""
-        return build("dem", self._dem_options(), context)
+    def _dem(self, context: BuildContext, pressure: float | None = None) -> FrictionProvider:
+        """The provider `dem` on the same surfaces; at a pressure of its own [MPa], where one is given."""
+        return build("dem", self._dem_options(pressure), context)
 
-    def _dem_options(self) -> dict[str, Any]:
-        """Options of the provider `dem` on the same surfaces."""
+    def _dem_options(self, pressure: float | None = None) -> dict[str, Any]:
+        """Options of the provider `dem` on the same surfaces, asked for what the network is asked for."""
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
         preset, keys = self._preset()
         plates = {"preset": preset, **keys, **self.dem.get("plates", {})}
-        load = {**self._own_load(), **self.dem.get("load", {})}
+        held = {} if pressure is None else {"pressure": pressure, "control": "force"}
+        load = {**held, **self._own_load(), **self.dem.get("load", {})}
         tables = {"load": load} if load else {}
         return {**self.dem, **own, **tables, "plates": plates, "surface": self.surface}
 
@@ -359,9 +376,9 @@ class TileNetwork:
     Args:
         tiles: tiles of both bodies, with the network.
         options: micro coefficient; seed and surfaces are those of `tiles`.
-        trusted: the network has seen such inputs.
-        fallback: gives the provider to ask about pairs that are predicted to lose contact, or are like none learned
-            from; None: the network answers.
+        unseen: inputs that the network has not seen, in words.
+        fallback: gives the provider to ask about pairs that are predicted to lose contact, are like none learned from,
+            or are pressed beyond what was, for a pressure [MPa], or None for its own; None: the network answers.
         youngs_modulus: of the axle, that the pressures press on [MPa]; left out, that of the network's plates.
     """
 
@@ -372,6 +389,8 @@ class TileNetwork:
     """Pairs predicted out of the bounds of the contract, and answered with the nearest bound."""
     out_of_range: int
     """Pairs predicted for inputs the network has not seen, by keys or by what it sees of the faces."""
+    clamped: int
+    """Pairs pressed beyond what the network has learned from, and asked for at the nearer end of that."""
     losing_contact: int
     """Pairs that are predicted to lose contact somewhere along the slide."""
     asked_anew: int
@@ -382,26 +401,32 @@ class TileNetwork:
         tiles: Tiles,
         options: Surrogate,
         *,
-        trusted: bool = True,
-        fallback: Callable[[], FrictionProvider] | None = None,
+        unseen: Sequence[str] = (),
+        fallback: Callable[[float | None], FrictionProvider] | None = None,
         youngs_modulus: float | None = None,
     ) -> None:
-        self.tiles, self.options, self.trusted = tiles, options, trusted
+        self.tiles, self.options, self.unseen = tiles, options, tuple(unseen)
         several = tiles.pressures is not None and tiles.pressures.count > 1
         self.depends_on = frozenset({"tiles", "pressure"} if several else {"tiles"})
         about = tiles.predictor.provenance
         self._on_steel = 1.0 if youngs_modulus is None else about.at_modulus(1.0, youngs_modulus)
-        self.clipped = self.out_of_range = self.losing_contact = self.asked_anew = 0
+        self.clipped = self.out_of_range = self.clamped = self.losing_contact = self.asked_anew = 0
         self._level = np.full(tiles.counts, -1, dtype=np.int16) if several else None  # of each pair, when last asked
         self._fallback = fallback
         self._last: _Answer | None = None
         self._asked: tuple[FloatArray, IntArray] | None = None  # pairs of the last batch, and their numbers in `_last`
 
     @property
+    def trusted(self) -> bool:
+        """Whether the network has seen such inputs."""
+        return not self.unseen
+
+    @property
     def counters(self) -> dict[str, int]:
         """Counts for the report of a run."""
         counts = {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
-        return counts | ({"asked_anew": self.asked_anew} if self._level is not None else {})
+        own = {"clamped": self.clamped, "asked_anew": self.asked_anew}
+        return counts | (own if self._level is not None else {})
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
@@ -425,7 +450,7 @@ class TileNetwork:
 
     def announced(self, pairs: TilePairs) -> None:
         """Have the pairs prepared with those that others on the same tiles will be asked for."""
-        self.tiles.expect(pairs.seat, pairs.bore, self._levels(pairs))
+        self.tiles.expect(pairs.seat, pairs.bore, self._known(self._levels(pairs)))
 
     def heights(self, body: Body, tile: int) -> HeightArray:
         """The rough face of a tile as the network takes it [mm], read-only.
@@ -440,8 +465,40 @@ class TileNetwork:
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
 
+    def outside(self, pairs: TilePairs) -> dict[str, FloatArray]:
+        """By how much coefficients may be wrong for what the network has not seen, by reason; see `KnowsItsRange`.
+
+        Beyond its pressures that is `HALVED` for each factor of two, else `UNKNOWN`; nothing where another provider
+        answers for such pairs.
+
+        Raises:
+            ProviderError: as `coefficients`.
+        """
+        if self._fallback is not None:
+            return {}
+        count, level = len(pairs.seat), self._known(self._levels(pairs))
+        try:
+            seen = self.tiles.predict(pairs.seat, pairs.bore, self.options.micro_friction, level).seen
+        except SurrogateError as error:
+            raise ProviderError(f"friction provider 'surrogate': {error}") from error
+        found = {UNLIKE: np.where(seen, 0.0, UNKNOWN)}
+        if self.unseen:
+            found[UNSEEN.format("; ".join(self.unseen))] = np.full(count, UNKNOWN)
+        levels = self.tiles.pressures
+        if self._level is not None and levels is not None:
+            ends = [end / self._on_steel for end in (levels.low, levels.high)]
+            found[BEYOND_PRESSURE.format(*ends)] = HALVED * levels.octaves(self._on_steel * pairs.pressure)
+        return found
+
     def _levels(self, pairs: TilePairs) -> IntArray:
-        return self.tiles.levels(self._on_steel * pairs.pressure)
+        """The level of each pair's pressure; beyond those that there are where the pressure is."""
+        pressure, levels = self._on_steel * pairs.pressure, self.tiles.pressures
+        return self.tiles.levels(pressure) if self._level is None or levels is None else levels.beyond(pressure)
+
+    def _known(self, level: IntArray) -> IntArray:
+        """The nearest of the levels that the network is asked at."""
+        count = 1 if self.tiles.pressures is None else self.tiles.pressures.count
+        return np.clip(level, 0, count - 1)
 
     def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
         """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
@@ -458,28 +515,41 @@ class TileNetwork:
         """The answers to distinct pairs."""
         if not seat.size:
             return _Answer((seat, bore, level), np.empty(0), np.empty(0))
+        known = self._known(level)
         try:
-            prediction = self.tiles.predict(seat, bore, self.options.micro_friction, level)
+            prediction = self.tiles.predict(seat, bore, self.options.micro_friction, known)
         except SurrogateError as error:
             raise ProviderError(f"friction provider 'surrogate': {error}") from error
         answer = _Answer((seat, bore, level), np.array(prediction.mean), np.array(prediction.spread))
-        self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
+        clamped = known != level
+        self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen) | clamped))
         self._bound(answer)
         if self._level is not None:
             before = self._level[seat, bore]
-            self.asked_anew += int(((before >= 0) & (before != level)).sum())
-            self._level[seat, bore] = level
+            self.asked_anew += int(((before >= 0) & (before != known)).sum())
+            self._level[seat, bore] = known
+        self.clamped += int(clamped.sum())
         self.losing_contact += int((~prediction.in_contact).sum())
-        self.out_of_range += int((~prediction.seen).sum()) if self.trusted else seat.size
+        self.out_of_range += seat.size if self.unseen else int((~prediction.seen).sum())
         return answer
 
     def _replace(self, answer: _Answer, doubted: IntArray) -> None:
-        """Have the pairs numbered `doubted` answered by the other provider, if there is one."""
-        if doubted.size and self._fallback is not None:
-            unused = np.zeros(doubted.size)
-            seat, bore, _ = answer.pairs
-            pairs = TilePairs(seat[doubted], bore[doubted], unused, unused)
-            answer.mean[doubted], answer.spread[doubted] = answered(self._fallback(), pairs, "dem")
+        """Have the pairs numbered `doubted` answered by the other provider at their pressures, if there is one."""
+        if not doubted.size or self._fallback is None:
+            return
+        seat, bore, level = (column[doubted] for column in answer.pairs)
+        for one in np.unique(level).tolist():
+            some = level == one
+            unused, which = np.zeros(int(some.sum())), doubted[some]
+            other = self._fallback(self._pressure(one))
+            told = answered(other, TilePairs(seat[some], bore[some], unused, unused), "dem")
+            answer.mean[which], answer.spread[which] = told
+
+    def _pressure(self, level: int) -> float | None:
+        """The pressure of a level on the axle's material [MPa]; None where all pairs have that of the plates."""
+        if self._level is None or self.tiles.pressures is None:
+            return None
+        return float(self.tiles.pressures.pressure(np.array(level))) / self._on_steel
 
     def _bound(self, answer: _Answer) -> None:
         """Bring the coefficients within the contract."""
