@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import PairFriction, answered, declared_dependence
+from macrofit.friction.answer import PairFriction, answered, declared_counters, declared_dependence, reasons_of
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, FrictionProvider, TilePairs
 from macrofit.friction.registry import build_provider, load_options
 
@@ -147,6 +147,19 @@ class FlatteningPairs:
             ProviderError: the base answers badly.
         """
         return self._first(pairs).uncertainty * (1.0 + self._lost(pairs))
+
+    def outside(self, pairs: TilePairs) -> dict[str, FloatArray]:
+        """What the base says of pairs outside of what it knows, see `KnowsItsRange`.
+
+        Raises:
+            ProviderError: the base answers badly.
+        """
+        return reasons_of(self.base, pairs, self.name)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What the base counts."""
+        return declared_counters(self.base, self.name)
 
     def _lost(self, pairs: TilePairs) -> FloatArray:
         """exp(-p s / w) - 1, number by number: a vectorised one may round by the place in the batch."""

@@ -275,3 +275,12 @@ def test_a_network_answers_alike_on_any_number_of_ranks(shared_tmp_path: Path) -
     assert (shared.coefficient == alone).all()
     assert (shared.uncertainty == provider.uncertainty(pairs)).all()
     assert np.ptp(alone) > 1e-3
+
+
+@pytest.mark.mpi
+def test_what_a_network_does_not_know_is_the_same_on_any_number_of_ranks() -> None:
+    """Each rank looks at its part of the pairs."""
+    scene = small_press("friction.provider=surrogate", "wheel.bore_radius=94.995")
+    shared, alone = solve(scene, WORLD).outside, solve(scene, MPI.COMM_SELF).outside
+    assert [each.reason.partition(":")[0] for each in alone] == ["unknown pressures"]
+    assert shared == alone
