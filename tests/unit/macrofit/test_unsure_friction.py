@@ -27,7 +27,7 @@ SAID = "odd tiles: are unlike any; take others"
 
 
 class Unsure(msgspec.Struct, frozen=True):
-    """One number, for which tiles of the seat from a number on may be wrong by a share; its options are the provider."""
+    """One coefficient, that may be wrong by a share for tiles of the seat from a number on; options and provider."""
 
     coefficient: float = 0.1
     first: int = 0
