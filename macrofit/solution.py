@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -53,6 +54,7 @@ class Increment:
     work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     torque: float = 0.0  # N mm, integral of 2 pi r^2 friction pressure ds: what friction carries around the axis
+    friction_sd: float = math.nan  # standard deviation of mean_friction, NaN where the provider states none
     wall_s: float
     facets: FacetState = field(repr=False)
 
@@ -64,6 +66,11 @@ class Increment:
         push would change in it (1 to 3 %, by Poisson's ratio) is left out.
         """
         return self.mean_friction * self.normal_force + (self.force - self.friction_force)
+
+    @property
+    def force_sd(self) -> float:
+        """Standard deviation of the force from that of the friction [N]; NaN where the provider states none."""
+        return self.friction_sd * self.normal_force
 
     @property
     def pull_off(self) -> float:

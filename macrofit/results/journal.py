@@ -24,9 +24,9 @@ from ..solution import Increment
 from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 5
-"""Version of the frames and of what is in them; 4 had no thermal strain, torque and shear, 3 increments without
-plastic work, 2 frames of another form."""
+VERSION = 6
+"""Version of the frames and of what is in them; 5 had no deviation of the friction, 4 no thermal strain, torque and
+shear, 3 increments without plastic work, 2 frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):

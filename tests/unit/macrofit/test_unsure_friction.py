@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -18,6 +20,8 @@ from macrofit.identify.fit import identify
 from macrofit.identify.measured import Measured
 from macrofit.identify.output import doubts as doubts_of_value
 from macrofit.results.doubts import doubts
+from macrofit.results.folder import CurveFile, read_table
+from macrofit.results.summary import sentences, summary
 from macrofit.scene import load_scene
 from macrofit.service.residual import pressed_and_released, restored
 from macrofit.solution import Solution
@@ -121,3 +125,60 @@ def test_service_doubts_the_press_and_goes_on_with_it() -> None:
     (said,) = left.doubts
     assert said.startswith("odd tiles: ")
     assert restored(left.scalars, left.arrays, bodies).doubts == left.doubts
+
+
+class Spread(Unsure, frozen=True):
+    """Every pair with the same standard deviation."""
+
+    spread: float = 0.005
+
+    def outside(self, pairs: TilePairs) -> Any:
+        return {}
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        return np.full(len(pairs.seat), self.spread)
+
+
+class Pressed(Spread, frozen=True):
+    """The same, asked at every increment."""
+
+    depends_on = frozenset({"tiles", "pressure"})
+
+
+@pytest.mark.parametrize("friction", [Spread(), Pressed()])
+def test_the_force_has_the_deviation_of_independent_pairs(friction: Spread) -> None:
+    """Facets of 2 mm that face two pairs each share none: sigma over N = s sqrt(sum w_p^2) / sum w_p, w_p = p_p l_p."""
+    fit = solve(small_press("mesh.seat_facet=2.0"), MPI.COMM_SELF, friction=friction)
+    assert fit.friction is not None
+    record = fit.increments[-1]
+    met = fit.friction.tiling.facing(fit.seat, record.displacement)
+    pair = met.seat * 1000 + met.bore
+    forces = np.bincount(np.unique(pair, return_inverse=True)[1], met.weight * record.facets.pressure[met.facet])
+    expected = friction.spread * float(np.sqrt(forces @ forces) / forces.sum())
+    assert record.friction_sd == pytest.approx(expected, rel=1e-3)  # facets that stand open are left out by the press
+    assert record.force_sd == pytest.approx(expected * record.normal_force, rel=1e-3)
+    assert 0.05 < record.friction_sd / friction.spread < 0.3  # about one over the root of the pairs
+
+
+def test_there_is_none_where_none_is_stated(tmp_path: Path) -> None:
+    fit = pressed(Unsure())
+    assert np.isnan([record.friction_sd for record in fit.increments]).all()
+    curve = CurveFile(tmp_path, fit.increments)
+    assert "force_sd_N" not in curve.path.read_text()
+    assert summary(fit)["final_force_sd_N"] is None
+
+
+def test_the_curve_gets_a_column_with_the_first_deviation(tmp_path: Path) -> None:
+    fit = pressed(Spread())
+    curve, fresh = CurveFile(tmp_path), fit.increments
+    curve.increment(replace(fresh[0], friction_sd=float("nan")))
+    for record in fresh[1:]:
+        curve.increment(record)
+    curve.finished()
+    columns = read_table(curve.path)
+    assert np.isnan(columns["force_sd_N"][0])
+    assert columns["force_sd_N"][1:].tolist() == [record.force_sd for record in fresh[1:]]
+    assert columns["force_N"].tolist() == [record.force for record in fresh]
+    numbers = summary(fit)
+    assert numbers["final_force_sd_N"] == fresh[-1].force_sd
+    assert any(line.startswith("Uncertain by    ") for line in sentences(numbers))
