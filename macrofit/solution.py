@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -170,6 +170,7 @@ class Solution:
     flowed: dict[str, YieldZone] = field(default_factory=dict)  # of bodies that may yield, where stress is evaluated
     beyond_yield: dict[str, YieldZone] = field(default_factory=dict)  # of elastic bodies that state a yield stress
     outside: tuple[Outside, ...] = ()  # pairs of tiles for which the provider of friction may be wrong, by reason
+    origin: Callable[[], dict[str, Any]] = dict  # what the provider of friction says of where it has it from
     residual: dict[str, Extreme] = field(default_factory=dict)  # largest von Mises stress once the press has let go
 
     @property

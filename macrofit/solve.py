@@ -187,6 +187,7 @@ def _solution(
         beyond_yield=stresses.beyond_yield,
         residual=stresses.residual,
         outside=outside,
+        origin=press.friction.origin,
     )
 
 

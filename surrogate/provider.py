@@ -428,6 +428,15 @@ class TileNetwork:
         own = {"clamped": self.clamped, "asked_anew": self.asked_anew}
         return counts | (own if self._level is not None else {})
 
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What measured faces are made of, for the record of a run."""
+        from meso.surfaces.origin import measured_origin
+
+        counts: dict[Body, int] = {"axle": self.tiles.counts[0], "wheel": self.tiles.counts[1]}
+        width = self.tiles.predictor.provenance.plates.edge
+        return measured_origin(self.tiles.surface, self.tiles.seed, counts, width)
+
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import operator
+import warnings
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -87,6 +89,24 @@ def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFri
         if not isinstance(provider, StatesUncertainty):
             return PairFriction(coefficient, np.full(pairs.seat.size, np.nan))
         return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.copy()), pairs, name))
+
+
+def origin_of(provider: object, name: str) -> dict[str, Any]:
+    """`provider.origin`, a dict that the record of a run keeps; empty where it has none.
+
+    One that fails at it, or gives what JSON does not know, is warned of: that is no reason to lose a run.
+    """
+    try:
+        with foreign_code():
+            stated = msgspec.to_builtins(dict(getattr(provider, "origin", {})))
+            msgspec.json.encode(stated)
+        return dict(stated)
+    except Exception as error:
+        warnings.warn(
+            f"friction provider {name!r}: its `origin` is left out of the summary, {type(error).__name__}: {error}",
+            stacklevel=2,
+        )
+        return {}
 
 
 def reasons_of(provider: object, pairs: TilePairs, name: str) -> dict[str, FloatArray]:

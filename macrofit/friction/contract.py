@@ -51,8 +51,9 @@ class FrictionProvider(Protocol):
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
     It may also say how sure it is, see `StatesUncertainty`, and have `counters`, a dict of names and whole numbers that
-    the summary of a run shows; `calls` is the solver's own. It may say where its answers may be wrong, see
-    `KnowsItsRange`. Where several runs go in lockstep it may hear of their questions together, see `HearsAhead`.
+    the summary of a run shows; `calls` is the solver's own. A dict `origin`, of what JSON knows, is kept with the
+    provenance of a run. It may say where its answers may be wrong, see `KnowsItsRange`. Where several runs go in
+    lockstep it may hear of their questions together, see `HearsAhead`.
     """
 
     @property

@@ -15,13 +15,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import PairFriction, answered, declared_counters, declared_dependence, reasons_of
+from macrofit.friction.answer import (
+    PairFriction,
+    answered,
+    declared_counters,
+    declared_dependence,
+    origin_of,
+    reasons_of,
+)
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, FrictionProvider, TilePairs
 from macrofit.friction.registry import build_provider, load_options
 
@@ -160,6 +168,11 @@ class FlatteningPairs:
     def counters(self) -> dict[str, int]:
         """What the base counts."""
         return declared_counters(self.base, self.name)
+
+    @property
+    def origin(self) -> Mapping[str, Any]:
+        """What the base's coefficients come from."""
+        return origin_of(self.base, self.name)
 
     def _lost(self, pairs: TilePairs) -> FloatArray:
         """exp(-p s / w) - 1, number by number: a vectorised one may round by the place in the batch."""

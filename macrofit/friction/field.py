@@ -18,6 +18,7 @@ from macrofit.friction.answer import (
     checked_uncertainty,
     declared_counters,
     declared_dependence,
+    origin_of,
 )
 from macrofit.friction.contract import FloatArray, FrictionProvider, HearsAhead, IntArray, StatesUncertainty, TilePairs
 from macrofit.friction.tiles import FacingPairs, TileOverlaps, pair_key, tiles_of
@@ -225,6 +226,10 @@ class FrictionField:
             warnings.warn(f"{error}; they are left out of the summary", stacklevel=2)
             return {}
         return {f"provider_{name}": count for name, count in counted.items()}
+
+    def origin(self) -> dict[str, Any]:
+        """What the provider says that its coefficients come from, for the record of a run."""
+        return origin_of(self.provider, self.name)
 
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
