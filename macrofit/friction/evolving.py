@@ -116,9 +116,11 @@ class Evolving(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         if math.isinf(self.full_work):
             return base
         if more:
+            one = more == {"pressure"} and hasattr(load_options(self.base, self.options), "pressure")
+            remedy = "give it one, friction.options.options.pressure = 170.0 [MPa], or " if one else ""
             raise ProviderError(
                 f"friction.options.base: {self.base!r} depends on {' and '.join(sorted(more))} itself; "
-                "take one that depends on tiles at most"
+                f"{remedy}take one that depends on tiles at most"
             )
         return FlatteningPairs(base, self.base, self.flat_coefficient, self.full_work)
 

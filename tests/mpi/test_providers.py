@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -275,6 +276,19 @@ def test_a_network_answers_alike_on_any_number_of_ranks(shared_tmp_path: Path) -
     assert (shared.coefficient == alone).all()
     assert (shared.uncertainty == provider.uncertainty(pairs)).all()
     assert np.ptp(alone) > 1e-3
+
+
+@pytest.mark.mpi
+def test_what_all_ranks_are_told_of_files_is_said_once(shared_tmp_path: Path) -> None:
+    """A table that ends before the seat: once, and by the first rank."""
+    file = shared_tmp_path / "mu.csv"
+    if WORLD.rank == 0:
+        file.write_text("z_mm,coefficient\n0,0.1\n60,0.14\n")
+    WORLD.Barrier()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        solve(small_press("friction.provider=table", f"friction.options={{file='{file}'}}"), WORLD)
+    assert WORLD.allgather(len(said)) == [1] + [0] * (WORLD.size - 1)
 
 
 @pytest.mark.mpi

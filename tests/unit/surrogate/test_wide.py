@@ -244,6 +244,7 @@ def test_a_softer_solid_has_the_coefficients_of_p_over_e() -> None:
     softer = provider(103e3).coefficients(asked(75.0))
     assert softer.tolist() == provider().coefficients(asked(150.0)).tolist()
     assert softer.tolist() != provider().coefficients(asked(75.0)).tolist()
+    assert softer.tolist() == provider(206e3 / 3.0).coefficients(asked(50.0)).tolist()
 
 
 def test_pressures_beyond_the_levels_have_levels_of_their_own() -> None:
