@@ -93,11 +93,13 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     `fallback` says what happens outside of these: "error" refuses the run; "dem" makes the provider `dem` answer in
     its place, with the same surfaces; "warning" predicts anyway. Single pairs may be unlike all that were learned from
-    although their keys are not, or are predicted to lose contact along the slide: with "dem" they go to that provider,
-    else they are counted.
+    although their keys are not, be pressed beyond its pressures, or are predicted to lose contact along the slide: with
+    "dem" they go to that provider, at their own pressure, else they are counted. Where pairs that the network does not
+    know may make the force wrong by more than 1 %, the run is doubtful.
 
     A network that has learned from many pressures is asked about the pair's own: as p/E, for the axle's modulus E. A
-    pair is asked anew when its pressure has left the `TOLERANCE` of `surrogate.levels`, not for every MPa.
+    pair is asked anew when its pressure has left the `TOLERANCE` of `surrogate.levels`, not for every MPa. Pairs beyond
+    its pressures are answered for the nearer end; what is not pressed yet is answered for the lowest.
 
     Raises:
         ProviderError: an option that is unknown or refused, by its key.
