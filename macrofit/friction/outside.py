@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,7 +23,8 @@ Ask: TypeAlias = Callable[[Mapping[str, FloatArray]], Mapping[str, FloatArray]]
 """Gives what all ranks have said of their parts of a batch, of what this one has."""
 
 
-class Outside(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class Outside:
     """Pairs for which the provider may be wrong by one reason, at the increment where they carry most."""
 
     reason: str
@@ -32,7 +34,7 @@ class Outside(NamedTuple):
     share: float
     """What they carry there of that normal force [-]."""
     increment: int
-    """Its number."""
+    """Number of that increment."""
     pairs: int
     """How many such pairs are in contact there."""
     of: int
@@ -90,8 +92,15 @@ def _at(field: FrictionField, number: int, moment: Moment, held: float, share: A
         some = (off > 0.0) & touching
         if some.any():
             ends = float(pressed[some].min()), float(pressed[some].max())
-            counts = int(some.sum()), int(touching.sum())
-            yield Outside(reason, float(parts[some] @ off[some]), float(parts[some].sum()), number, *counts, ends)
+            yield Outside(
+                reason=reason,
+                error=float(parts[some] @ off[some]),
+                share=float(parts[some].sum()),
+                increment=number,
+                pairs=int(some.sum()),
+                of=int(touching.sum()),
+                pressure=ends,
+            )
 
 
 def _told(field: FrictionField, pairs: TilePairs) -> Mapping[str, FloatArray]:
