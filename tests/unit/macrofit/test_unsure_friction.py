@@ -14,6 +14,7 @@ from serving import SHORT
 from small import small_press
 
 from macrofit.friction import BuildContext, TilePairs
+from macrofit.friction.conformance import ConformanceError, check
 from macrofit.friction.contract import FloatArray
 from macrofit.friction.evolving import FlatteningPairs
 from macrofit.identify.fit import identify
@@ -95,6 +96,21 @@ def test_a_part_of_the_pairs_counts_by_its_force() -> None:
 def test_a_provider_that_fails_at_it_is_not_judged() -> None:
     with pytest.warns(UserWarning, match="failed at `outside`.*a number of 0 or more for each pair is wanted"):
         assert odd(pressed(Broken())) == []
+
+
+class Fickle(Unsure, frozen=True):
+    """Its reasons follow the pairs."""
+
+    def outside(self, pairs: TilePairs) -> Any:
+        return {f"odd tiles: {len(pairs.seat)}": np.zeros(len(pairs.seat))}
+
+
+def test_the_contract_is_checked() -> None:
+    check(Unsure(), tolerance=0.0)
+    with pytest.raises(ConformanceError, match="a number of 0 or more for each pair is wanted"):
+        check(Broken())
+    with pytest.raises(ConformanceError, match="Fickle names other reasons for other pairs"):
+        check(Fickle())
 
 
 def test_one_that_wraps_another_says_it_too() -> None:
