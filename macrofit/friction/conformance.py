@@ -44,9 +44,9 @@ def check(
     Checked: `depends_on` is valid and honest (what it does not list changes nothing), an empty batch gets an
     empty answer, shape and bounds, inputs left as they were, the same answer when asked again (to the bit),
     and answers that depend neither on the order of the batch nor on what else is in it (within `tolerance`).
-    Where the provider states its uncertainty, all of this holds for that too. Where it has `outside`, that has a number for
-    each pair, for the same reasons whatever pairs are asked about. Where it has `announced`, that changes
-    no answer.
+    Where the provider states its uncertainty, all of this holds for that too. Where it has `outside`, that has a
+    number for each pair, for the same reasons whatever pairs are asked about. Where it has `announced`, that changes no
+    answer.
 
     Args:
         provider: the provider to check; asked about ten batches, and about each pair alone.
