@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -147,7 +148,9 @@ def friction_field(
         cache_dir=None if folder is None else str(folder),
     )
     name, options = scene.friction.provider, scene.friction.options
-    with raise_together(comm):
+    with raise_together(comm), warnings.catch_warnings():
+        if comm.rank > 0:  # all are told the same, and the first one says it
+            warnings.simplefilter("ignore")
         provider = build_provider(name, options, context) if script is None else script.build(options, context)
     stated = script is not None and script.digest is not None
     fingerprint = script.fingerprint(options) if script is not None and stated else ""

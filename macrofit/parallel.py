@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from mpi4py import MPI
 
+from .base.arrays import FloatArray
 from .base.ranks import raise_together
 from .friction import FrictionProvider, PairFriction, TilePairs, answered
 
@@ -38,6 +41,13 @@ class SharedAsk:
         """Those of the pairs that are asked on this rank."""
         bounds = np.linspace(0, len(pairs.seat), self.comm.size + 1).astype(np.int64)
         return pairs.take(np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1]))
+
+
+def joined(comm: MPI.Comm, mine: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """What all ranks say of their parts of a batch, without what not all of them name. Collective."""
+    every: list[Mapping[str, FloatArray]] = comm.allgather(mine)
+    named = [name for name in every[0] if all(name in one for one in every)]
+    return {name: np.concatenate([one[name] for one in every]) for name in named}
 
 
 def owner(comm: MPI.Comm, body: str) -> int:

@@ -110,7 +110,8 @@ class Press:
             strain = self.scene.thermal_strain_at(index)
             before, (steps, cutbacks) = state, self.advance_to(state, displacement, strain)
             state = self._committed(before, steps[-1].state)
-            yield accepted(index, before, steps, cutbacks, time.perf_counter() - started), state
+            spread = self.friction_deviation(steps[-1])
+            yield accepted(index, before, steps, cutbacks, time.perf_counter() - started, spread), state
         planned = len(self.scene.displacements)
         if self.scene.motion.release and first <= planned and is_held(state):
             started = time.perf_counter()
@@ -120,7 +121,8 @@ class Press:
                 warnings.warn(str(error), stacklevel=2)
                 return
             after = self._committed(state, steps[-1].state)
-            yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started), after
+            spread = self.friction_deviation(steps[-1])
+            yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started, spread), after
 
     def _committed(self, before: State, after: State) -> State:
         """The state after an increment; where steel may yield, with what changed in it."""
@@ -320,6 +322,11 @@ class Press:
         return self.friction.facet_friction(
             self.overlaps(coupling, displacement), state.pressure, state.accumulated_slip
         )
+
+    def friction_deviation(self, step: Step) -> float:
+        """Standard deviation of the mean coefficient of friction of a step [-], see `FrictionField.deviation`."""
+        line, pressure = self.seat.line, step.facets.pressure
+        return self.friction.deviation(pressure if line.radial else pressure * line.coordinate[1:])
 
     def overlaps(self, coupling: MortarCoupling, displacement: float) -> TileOverlaps:
         """Which pairs of tiles the facets of the seat face; none where friction does not ask."""

@@ -128,7 +128,9 @@ def write_results(
     """
     from .figures.curves import write_figures
 
-    numbers = summary(solution, standard) | {"provenance": provenance(solution.scene, friction)}
+    origin = solution.origin()
+    made = provenance(solution.scene, friction) | ({"friction": origin} if origin else {})
+    numbers = summary(solution, standard) | {"provenance": made}
     write_interface(folder, solution.scene, solution.seat, solution.increments, solution.friction)
     write_fields(folder, solution)
     write_figures(folder, solution)

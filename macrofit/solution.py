@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from .base.arrays import FloatArray, IntArray
-from .friction import TileOverlaps, tile_overlaps
+from .friction import Outside, TileOverlaps, tile_overlaps
 from .scene.keys import Scene
 
 TILE = 1.0  # mm, length of a friction tile
@@ -53,6 +54,7 @@ class Increment:
     work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     torque: float = 0.0  # N mm, integral of 2 pi r^2 friction pressure ds: what friction carries around the axis
+    friction_sd: float = math.nan  # standard deviation of mean_friction, NaN where the provider states none
     wall_s: float
     facets: FacetState = field(repr=False)
 
@@ -64,6 +66,11 @@ class Increment:
         push would change in it (1 to 3 %, by Poisson's ratio) is left out.
         """
         return self.mean_friction * self.normal_force + (self.force - self.friction_force)
+
+    @property
+    def force_sd(self) -> float:
+        """Standard deviation of the force from that of the friction [N]; NaN where the provider states none."""
+        return self.friction_sd * self.normal_force
 
     @property
     def pull_off(self) -> float:
@@ -121,6 +128,13 @@ class Tiling:
         tiles = (self.size, self.seat_tiles, self.bore_tiles)
         return tile_overlaps(start, end, edge, *tiles, seat_origin=self.seat_origin)
 
+    def facing(self, seat: FloatArray, displacement: float) -> TileOverlaps:
+        """The same for the parts of the seat's facets, between its ends (facets + 1,) [mm], that face the bore."""
+        shift = displacement if self.radial else 0.0
+        rear, leading = (place + shift for place in self.bore_ends)
+        covered = np.clip(seat, rear, leading)
+        return self.overlaps(covered[:-1], covered[1:], displacement)
+
 
 @dataclass(frozen=True, kw_only=True)
 class PairFrictionMap:
@@ -155,6 +169,8 @@ class Solution:
     bore_ends: tuple[float, float] | None = None  # mm, coordinates of the bore's ends at displacement 0
     flowed: dict[str, YieldZone] = field(default_factory=dict)  # of bodies that may yield, where stress is evaluated
     beyond_yield: dict[str, YieldZone] = field(default_factory=dict)  # of elastic bodies that state a yield stress
+    outside: tuple[Outside, ...] = ()  # pairs of tiles for which the provider of friction may be wrong, by reason
+    origin: Callable[[], dict[str, Any]] = dict  # what the provider of friction says of where it has it from
     residual: dict[str, Extreme] = field(default_factory=dict)  # largest von Mises stress once the press has let go
 
     @property

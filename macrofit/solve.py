@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
 
 from .assembly import Assembly, assemble, friction_field, yielding_of
+from .base.arrays import FloatArray
 from .base.foreign import foreign_code
 from .base.ranks import raise_together
 from .bodies.approach import check_approach
 from .bodies.outlook import overlap
-from .friction import FrictionField, GivenFriction, ScriptFriction
+from .friction import FacingPairs, FrictionField, GivenFriction, Outside, ScriptFriction, outside_range
 from .monitor import Monitor, Silent
-from .parallel import summed
+from .parallel import joined, summed
 from .press import Press
 from .results.agreement import agree
 from .scene import Scene, with_script_friction
@@ -104,7 +105,23 @@ def steps(
         "interface_factorisations": engine.factorisations - engaged,
         **_counters(increments, assembly.work(), before, field), **summed(comm, _counted(field, comm)),
     }  # fmt: skip
-    return _solution(press, assembly, increments, stresses, clock, counters)
+    outside = doubted_pairs(press, increments, comm)
+    return _solution(press, assembly, increments, stresses, clock, counters, outside)
+
+
+def doubted_pairs(press: Press, increments: Sequence[Increment], comm: MPI.Comm) -> tuple[Outside, ...]:
+    """The pairs of tiles for which the provider of friction says that it may be wrong, and what they carry. Collective.
+
+    They are asked about with the pressure that they had, not with that of the increment before.
+    """
+
+    def moment(number: int) -> tuple[FacingPairs, FloatArray, FloatArray]:
+        record = increments[number]
+        facing = press.tiling.facing(press.seat.line.coordinate, record.displacement)
+        return FacingPairs.of(facing), record.facets.pressure, record.facets.accumulated_slip
+
+    forces = np.array([record.normal_force for record in increments])
+    return outside_range(press.friction, forces, moment, lambda told: joined(comm, told))
 
 
 def _with_friction(
@@ -147,6 +164,7 @@ def _solution(
     stresses: Stresses,
     clock: list[float],
     counters: dict[str, int],
+    outside: tuple[Outside, ...],
 ) -> Solution:
     setup, stepping, stress = np.diff(clock).tolist()
     return Solution(
@@ -168,6 +186,8 @@ def _solution(
         flowed=stresses.flowed,
         beyond_yield=stresses.beyond_yield,
         residual=stresses.residual,
+        outside=outside,
+        origin=press.friction.origin,
     )
 
 

@@ -180,7 +180,9 @@ def nothing_touches(accumulated_slip: FloatArray) -> FacetState:
     )
 
 
-def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float) -> Increment:
+def accepted(
+    index: int, before: State, steps: list[Step], cutbacks: int, wall_s: float, friction_sd: float
+) -> Increment:
     """The increment that converged steps make up from the state before it, the last of which it ends with."""
     last = steps[-1]
     return Increment(
@@ -204,6 +206,7 @@ def accepted(index: int, before: State, steps: list[Step], cutbacks: int, wall_s
         plastic_iterations=sum(step.settled.iterations for step in steps if step.settled is not None),
         work=_work(before, steps),
         torque=last.torque,
+        friction_sd=friction_sd,
         wall_s=wall_s,
         facets=last.facets,
     )

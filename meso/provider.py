@@ -38,6 +38,7 @@ from .presets import DEFAULT, PRESETS, on_preset
 from .records import UNBALANCED, Slide
 from .settings import Settings, decode
 from .surfaces.measured import doubts_of
+from .surfaces.origin import measured_origin
 from .surfaces.surface import Body, tile_seed
 
 HELD_SPHERES = 600_000
@@ -131,6 +132,7 @@ class DirectDem(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             self.seed,
             CoefficientCache(Path(context.cache_dir or ""), settings) if keeps else None,
             self.packings,
+            (context.seat_tiles, context.bore_tiles),
         )
 
 
@@ -145,6 +147,7 @@ class TileFriction:
         seed: of all the surfaces.
         cache: where coefficients are kept, if anywhere.
         packings: number dealt to the tiles of each body; None: one for each.
+        tiles: number of tiles of the seat and of the bore, for the record.
     """
 
     depends_on: ClassVar[frozenset[str]] = frozenset({"tiles"})
@@ -157,8 +160,14 @@ class TileFriction:
     """Answers with a share of the work above `UNBALANCED` unaccounted for, or with a remark."""
 
     def __init__(
-        self, settings: Settings, seed: int, cache: CoefficientCache | None = None, packings: int | None = None
+        self,
+        settings: Settings,
+        seed: int,
+        cache: CoefficientCache | None = None,
+        packings: int | None = None,
+        tiles: tuple[int, int] = (0, 0),
     ) -> None:
+        self.tiles = tiles
         self.shared, self.seed, self.cache, self.packings = settings, seed, cache, packings
         self.runs = self.clipped = self.doubtful = 0
         self._last: dict[tuple[int, int], Entry] = {}
@@ -168,6 +177,12 @@ class TileFriction:
     def counters(self) -> dict[str, int]:
         """For the report of a run."""
         return {"runs": self.runs, "clipped": self.clipped, "doubtful": self.doubtful}
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What measured faces are made of, for the record of a run."""
+        counts: dict[Body, int] = {"axle": self.tiles[0], "wheel": self.tiles[1]}
+        return measured_origin(self.shared.surface, self.seed, counts, self.shared.plates.edge)
 
     def coefficients(self, pairs: TilePairs) -> FloatArray:
         """mu of each pair [-], shape (n,).

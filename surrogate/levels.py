@@ -8,11 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from macrofit.base.arrays import FloatArray, IntArray
+from macrofit.base.arrays import BoolArray, FloatArray, IntArray
 
 TOLERANCE = 0.1
-"""A pair is answered for a pressure that is off by this share at most [-]. Half the pressure is worth 1.8 % of a
-coefficient, this share 0.2 %."""
+"""A pair is answered for a pressure that is off by this share at most [-], which is worth 0.2 % of a coefficient."""
+HALVED = 0.018
+"""What half the pressure is worth of a coefficient [-]."""
+LEAST, MOST = 1.0, 5000.0
+"""Pressures between which the plates are asked, where no level serves a pair [MPa]."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,33 @@ class PressureLevels:
     def count(self) -> int:
         """Number of levels."""
         return 1 + max(0, math.ceil(math.log(self.high / self.low) / self._step - 0.5))
+
+    def beyond(self, pressure: FloatArray) -> IntArray:
+        """The level of each pressure [MPa] as `of`, but where none serves it the level that would, if there were more.
+
+        That is below 0 or above the last, down to `LEAST` and up to `MOST`; what is not pressed has level 0.
+        """
+        level = self.of(pressure)
+        below, above = self.outside(pressure)
+        if below.any() or above.any():
+            steps = np.log(np.clip(pressure, LEAST, MOST) / self.low) / self._step
+            nearest = np.rint(steps).astype(np.int64)
+            level[below] = np.minimum(nearest[below], -1)
+            level[above] = np.maximum(nearest[above], self.count)
+        return level
+
+    def outside(self, pressure: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Which pressures [MPa] are below and which above what the levels serve; what is not pressed is neither."""
+        below = (pressure > 0.0) & (pressure < self.low * (1.0 - self.tolerance))
+        return below, np.asarray(pressure > self.high * (1.0 + self.tolerance))
+
+    def octaves(self, pressure: FloatArray) -> FloatArray:
+        """How far each pressure [MPa] is `outside`, in factors of two from the nearer end; 0 within."""
+        below, above = self.outside(pressure)
+        far = np.zeros(len(pressure))
+        far[below] = np.log2(self.low / pressure[below])
+        far[above] = np.log2(pressure[above] / self.high)
+        return far
 
     @cached_property
     def _ends(self) -> FloatArray:

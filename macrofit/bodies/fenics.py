@@ -59,7 +59,8 @@ def _bare_imports() -> Iterator[None]:
 
 
 ensure_cache()  # dolfinx looks for it when it is imported
-petsc4py.init(["macrofit", "-no_signal_handler"])  # it would take a closed pipe for a crash, and hide real ones
+# it would take a closed pipe for a crash, and hide real ones; on all ranks it would wait for those that need none of it
+petsc4py.init(["macrofit", "-no_signal_handler"], comm=MPI.COMM_SELF)
 with _bare_imports():
     import basix
     import ufl

@@ -91,10 +91,7 @@ def facet_uncertainty(solution: Solution, pairs: PairFrictionMap, displacement: 
     facets = len(solution.seat) - 1
     if not pairs.lasting or not np.isfinite(pairs.uncertainty).any():
         return np.full(facets, np.nan)
-    shift = displacement if pairs.tiling.radial else 0.0
-    rear, leading = (place + shift for place in pairs.tiling.bore_ends)
-    facing = np.clip(solution.seat, rear, leading)
-    met = pairs.tiling.overlaps(facing[:-1], facing[1:], displacement)
+    met = pairs.tiling.facing(solution.seat, displacement)
     table = np.full((pairs.tiling.seat_tiles, pairs.tiling.bore_tiles), np.nan)
     table[pairs.seat, pairs.bore] = pairs.uncertainty
     variance = np.bincount(met.facet, (met.weight * table[met.seat, met.bore]) ** 2, minlength=facets)

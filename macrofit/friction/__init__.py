@@ -9,11 +9,13 @@ from macrofit.friction.contract import (
     FrictionProvider,
     HearsAhead,
     IntArray,
+    KnowsItsRange,
     ProviderOptions,
     StatesUncertainty,
     TilePairs,
 )
 from macrofit.friction.field import FieldState, FrictionField, Question, announce
+from macrofit.friction.outside import Outside, outside_range
 from macrofit.friction.registry import (
     InstalledProvider,
     build,
@@ -40,6 +42,8 @@ __all__ = [
     "HearsAhead",
     "InstalledProvider",
     "IntArray",
+    "KnowsItsRange",
+    "Outside",
     "PairFriction",
     "ProviderError",
     "ProviderOptions",
@@ -59,6 +63,7 @@ __all__ = [
     "load",
     "load_options",
     "names",
+    "outside_range",
     "tile_overlaps",
     "try_provider",
 ]

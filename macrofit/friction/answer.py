@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import operator
+import warnings
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
-from macrofit.friction.contract import LIMIT, QUANTITIES, FloatArray, FrictionProvider, StatesUncertainty, TilePairs
+from macrofit.friction.contract import (
+    LIMIT,
+    QUANTITIES,
+    FloatArray,
+    FrictionProvider,
+    KnowsItsRange,
+    StatesUncertainty,
+    TilePairs,
+)
 
 TAKEN = frozenset({"calls"})
 """Counters of a provider that would stand in a summary under the name of one of the solver's, provider_calls."""
@@ -79,6 +89,45 @@ def answered(provider: FrictionProvider, pairs: TilePairs, name: str) -> PairFri
         if not isinstance(provider, StatesUncertainty):
             return PairFriction(coefficient, np.full(pairs.seat.size, np.nan))
         return PairFriction(coefficient, checked_uncertainty(provider.uncertainty(pairs.copy()), pairs, name))
+
+
+def origin_of(provider: object, name: str) -> dict[str, Any]:
+    """`provider.origin`, a dict that the record of a run keeps; empty where it has none.
+
+    One that fails at it, or gives what JSON does not know, is warned of: that is no reason to lose a run.
+    """
+    try:
+        with foreign_code():
+            stated = msgspec.to_builtins(dict(getattr(provider, "origin", {})))
+            msgspec.json.encode(stated)
+        return dict(stated)
+    except Exception as error:
+        warnings.warn(
+            f"friction provider {name!r}: its `origin` is left out of the summary, {type(error).__name__}: {error}",
+            stacklevel=2,
+        )
+        return {}
+
+
+def reasons_of(provider: object, pairs: TilePairs, name: str) -> dict[str, FloatArray]:
+    """What `provider` says of pairs outside of what it knows, see `KnowsItsRange`; none where it does not say.
+
+    Raises:
+        ProviderError: it is no dict of texts and numbers of 0 or more, one for each pair.
+        Exception: whatever the provider raises; an exit as `ForeignExit`.
+    """
+    if not isinstance(provider, KnowsItsRange):
+        return {}
+    with foreign_code():
+        told = provider.outside(pairs.copy())
+    found = {f"{reason}": np.asarray(off, dtype=np.float64) for reason, off in dict(told).items()}
+    for reason, off in found.items():
+        if off.shape != pairs.seat.shape or not (np.isfinite(off).all() and (off >= 0.0).all()):
+            raise ProviderError(
+                f"friction provider {name!r} breaks the contract: outside(pairs) gives {off!r:.60} for {reason:.60}; a "
+                "number of 0 or more for each pair is wanted"
+            )
+    return found
 
 
 def checked_answer(answer: object, pairs: TilePairs, name: str) -> FloatArray:

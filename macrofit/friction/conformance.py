@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import PairFriction, checked_answer, checked_uncertainty, declared_dependence
-from macrofit.friction.contract import QUANTITIES, FrictionProvider, HearsAhead, IntArray, StatesUncertainty, TilePairs
+from macrofit.friction.answer import PairFriction, checked_answer, checked_uncertainty, declared_dependence, reasons_of
+from macrofit.friction.contract import (
+    QUANTITIES,
+    FrictionProvider,
+    HearsAhead,
+    IntArray,
+    KnowsItsRange,
+    StatesUncertainty,
+    TilePairs,
+)
 
 BATCH_TOLERANCE = 1e-6
 """How far the make-up of a batch may move a coefficient: the rounding of a single-precision network [-]."""
@@ -36,8 +44,9 @@ def check(
     Checked: `depends_on` is valid and honest (what it does not list changes nothing), an empty batch gets an
     empty answer, shape and bounds, inputs left as they were, the same answer when asked again (to the bit),
     and answers that depend neither on the order of the batch nor on what else is in it (within `tolerance`).
-    Where the provider states its uncertainty, all of this holds for that too. Where it has `announced`, that changes
-    no answer.
+    Where the provider states its uncertainty, all of this holds for that too. Where it has `outside`, that has a
+    number for each pair, for the same reasons whatever pairs are asked about. Where it has `announced`, that changes no
+    answer.
 
     Args:
         provider: the provider to check; asked about ten batches, and about each pair alone.
@@ -63,11 +72,30 @@ def check(
     _same(pairs, answer, again, 0.0, f"{name} is not deterministic: the same batch asked twice")
     _check_make_up(provider, pairs, answer, rng, tolerance)
     _check_honesty(provider, pairs, answer, depends_on, (seat_tiles, bore_tiles), rng)
+    if isinstance(provider, KnowsItsRange):
+        _check_range(provider, pairs, rng)
     if isinstance(provider, HearsAhead):
         for heard in (_random_pairs(rng, seat_tiles, bore_tiles, batch), pairs):
             _told(provider, "announced", heard, "pairs that it hears of ahead")
             after = _asked(provider, pairs, "a batch after it heard of pairs")
             _same(pairs, answer, after, tolerance, f"{name} answers otherwise once it has heard of pairs")
+
+
+def _check_range(provider: FrictionProvider, pairs: TilePairs, rng: np.random.Generator) -> None:
+    """What it says of its range has a number for each pair, which nothing else in the batch changes."""
+    name, order = type(provider).__name__, rng.permutation(pairs.seat.size)
+    batches = (pairs, pairs.take(order), pairs.take(order[:0]))
+    for batch in batches:
+        _told(provider, "outside", batch, "pairs outside of its range")
+    try:
+        said, mixed, none = (reasons_of(provider, batch, name) for batch in batches)
+    except ProviderError as error:
+        raise ConformanceError(str(error)) from error
+    if not said.keys() == mixed.keys() == none.keys():
+        raise ConformanceError(f"{name} names other reasons for other pairs; give 0 for those that are not concerned")
+    wrong = [reason for reason in said if not np.array_equal(said[reason][order], mixed[reason])]
+    if wrong:
+        raise ConformanceError(f"{name} judges its range by the order of the batch: {wrong[0]:.60}")
 
 
 def _random_pairs(rng: np.random.Generator, seat_tiles: int, bore_tiles: int, batch: int) -> TilePairs:

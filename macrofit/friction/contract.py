@@ -7,6 +7,7 @@ table, a discrete model of two rough surfaces, a network) is the provider's own 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
@@ -50,8 +51,9 @@ class FrictionProvider(Protocol):
     A provider is pure: the same pairs always get the same coefficients, whatever else stands in the batch and
     in whatever order. It prints nothing, knows nothing of MPI, and leaves the arrays it is given as they are.
     It may also say how sure it is, see `StatesUncertainty`, and have `counters`, a dict of names and whole numbers that
-    the summary of a run shows; `calls` is the solver's own. Where several runs go in lockstep it may hear of their
-    questions together, see `HearsAhead`.
+    the summary of a run shows; `calls` is the solver's own. A dict `origin`, of what JSON knows, is kept with the
+    provenance of a run. It may say where its answers may be wrong, see `KnowsItsRange`. Where several runs go in
+    lockstep it may hear of their questions together, see `HearsAhead`.
     """
 
     @property
@@ -76,6 +78,20 @@ class StatesUncertainty(Protocol):
         """The standard deviation of the coefficient of each pair [-], shape (n,), >= 0; NaN where it states none.
 
         Asked right after `coefficients`, about the same pairs, and as pure; it may depend on no more than they do.
+        """
+        ...
+
+
+@runtime_checkable
+class KnowsItsRange(Protocol):
+    """What a provider may have besides: it says for which pairs its answers may be wrong."""
+
+    def outside(self, pairs: TilePairs) -> Mapping[str, FloatArray]:
+        """By what share each coefficient may be wrong for lying outside of what it knows [-], (n,), for each reason.
+
+        0 within, never NaN; n may be 0. Asked when a run is over, about pairs that were in contact with the pressures
+        that they had then. The reasons are the same whatever pairs are asked about. Where they may make the force wrong
+        by more than a per cent the run is doubtful, in their words: "two words: are so and so; what to try".
         """
         ...
 

@@ -15,13 +15,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
 
 from macrofit.errors import ProviderError
-from macrofit.friction.answer import PairFriction, answered, declared_dependence
+from macrofit.friction.answer import (
+    PairFriction,
+    answered,
+    declared_counters,
+    declared_dependence,
+    origin_of,
+    reasons_of,
+)
 from macrofit.friction.contract import LIMIT, BuildContext, FloatArray, FrictionProvider, TilePairs
 from macrofit.friction.registry import build_provider, load_options
 
@@ -108,9 +116,11 @@ class Evolving(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         if math.isinf(self.full_work):
             return base
         if more:
+            one = more == {"pressure"} and hasattr(load_options(self.base, self.options), "pressure")
+            remedy = "give it one, friction.options.options.pressure = 170.0 [MPa], or " if one else ""
             raise ProviderError(
                 f"friction.options.base: {self.base!r} depends on {' and '.join(sorted(more))} itself; "
-                "take one that depends on tiles at most"
+                f"{remedy}take one that depends on tiles at most"
             )
         return FlatteningPairs(base, self.base, self.flat_coefficient, self.full_work)
 
@@ -147,6 +157,24 @@ class FlatteningPairs:
             ProviderError: the base answers badly.
         """
         return self._first(pairs).uncertainty * (1.0 + self._lost(pairs))
+
+    def outside(self, pairs: TilePairs) -> dict[str, FloatArray]:
+        """What the base says of pairs outside of what it knows, see `KnowsItsRange`.
+
+        Raises:
+            ProviderError: the base answers badly.
+        """
+        return reasons_of(self.base, pairs, self.name)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What the base counts."""
+        return declared_counters(self.base, self.name)
+
+    @property
+    def origin(self) -> Mapping[str, Any]:
+        """What the base's coefficients come from."""
+        return origin_of(self.base, self.name)
 
     def _lost(self, pairs: TilePairs) -> FloatArray:
         """exp(-p s / w) - 1, number by number: a vectorised one may round by the place in the batch."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, TypeAlias
@@ -17,8 +18,9 @@ from macrofit.friction.answer import (
     checked_uncertainty,
     declared_counters,
     declared_dependence,
+    origin_of,
 )
-from macrofit.friction.contract import FloatArray, FrictionProvider, HearsAhead, IntArray, TilePairs
+from macrofit.friction.contract import FloatArray, FrictionProvider, HearsAhead, IntArray, StatesUncertainty, TilePairs
 from macrofit.friction.tiles import FacingPairs, TileOverlaps, pair_key, tiles_of
 
 Ask: TypeAlias = Callable[[FrictionProvider, TilePairs], PairFriction]
@@ -112,6 +114,8 @@ class FrictionField:
         self._deaf = False  # its `announced` has failed
         self._news: list[_Told] = []  # answered since `news`
         self._pending: list[_Told] = []  # answered, and not among those known yet
+        self._facing: FacingPairs | None = None  # of the last question, and where pairs are asked each time ...
+        self._spread: FloatArray | None = None  # ... the uncertainty of each pair
 
     def facet_friction(self, overlaps: TileOverlaps, pressure: FloatArray, sliding: FloatArray) -> FloatArray:
         """The coefficient of friction of each facet for the coming increment [-], shape (n_facets,).
@@ -163,13 +167,41 @@ class FrictionField:
             ProviderError: as `facet_friction`.
         """
         facing, pairs, facets = question.facing, question.pairs, question.facets
+        self._facing, self._spread = facing, None
         if not self._depends_on:
             return np.full(facets, self._cached(np.zeros(1, dtype=np.int64))[0])
         if pairs is None:
             friction = self._cached(facing.keys)
+            self._spread = None  # what is known already was not asked
         else:
             friction = self._asked(pairs)[facing.distinct[1]] if pairs.seat.size else np.empty(0)
         return _facet_mean(facing.overlaps.facet, facing.overlaps.weight, friction, facets)
+
+    def deviation(self, pressure: FloatArray) -> float:
+        """Standard deviation of the mean coefficient that `answer` gave last, weighted with the pressure [-].
+
+            sigma^2 = sum_p (F_p s_p)^2 / (sum_p F_p)^2,        F_p = sum_i w_ip P_i
+
+        with s_p the standard deviation of pair p that the provider states, w_ip the length over which facet i faces it
+        and P_i the facet's pressure. Pairs are taken as independent. NaN where none is stated; 0 without pressure.
+
+        Args:
+            pressure: of each facet, in any unit; times the radius where that varies, (facets,).
+        """
+        facing = self._facing
+        if facing is None or not self._depends_on or not isinstance(self.provider, StatesUncertainty):
+            return math.nan
+        pairs, which = facing.distinct
+        carried = np.bincount(which, facing.overlaps.weight * pressure[facing.overlaps.facet], minlength=pairs.size)
+        whole = float(carried.sum())
+        if not whole > 0.0:
+            return 0.0
+        spread = self._spread
+        if spread is None:
+            self._merge()
+            spread = self._known[1, np.searchsorted(self._keys, pairs)]
+        shares = carried[carried > 0.0] * spread[carried > 0.0]
+        return math.sqrt(float(shares @ shares)) / whole
 
     @property
     def per_pair(self) -> bool:
@@ -194,6 +226,10 @@ class FrictionField:
             warnings.warn(f"{error}; they are left out of the summary", stacklevel=2)
             return {}
         return {f"provider_{name}": count for name, count in counted.items()}
+
+    def origin(self) -> dict[str, Any]:
+        """What the provider says that its coefficients come from, for the record of a run."""
+        return origin_of(self.provider, self.name)
 
     def state(self) -> FieldState:
         """What is known of all pairs so far; a field restored from it does not ask for them again."""
@@ -284,6 +320,7 @@ class FrictionField:
         told = pair_key(pairs.seat, pairs.bore), values
         self._pending.append(told)
         self._news.append(told)
+        self._spread = values[1]
         return coefficient
 
 

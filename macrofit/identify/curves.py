@@ -15,6 +15,7 @@ from ..errors import MacrofitError
 from ..friction import GivenFriction
 from ..lockstep.solve import Run, common_to, solve_together
 from ..monitor import Silent
+from ..results.doubts import outside_doubts
 from ..scene import Scene, load_scene
 from ..solution import Solution
 
@@ -76,6 +77,7 @@ class ForwardModel:
         self.bounds = bounds
         self.factorisations = 0
         self.known: dict[float, FloatArray] = {}
+        self.doubts: dict[float, list[str]] = {}  # about the friction of each
         self._assembly: Assembly | None = None
 
     def force(self, value: float) -> FloatArray:
@@ -103,6 +105,7 @@ class ForwardModel:
         for own, found in zip(scenes, solve_together(runs, self.comm, self._assembly), strict=True):
             if isinstance(found, Solution):
                 self.known[own] = found.force
+                self.doubts[own] = list(outside_doubts(found.outside, found.displacement.tolist()))
             elif own == value:
                 raise found
 

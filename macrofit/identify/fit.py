@@ -201,6 +201,7 @@ class Identification:
     shift: float  # offset found [mm], already added to displacement; 0 where it was not sought
     shift_error: float | None  # its standard error [mm]
     proposal: Offset | None  # an offset that the residual asks for; its step is relative to the value
+    doubts: list[str]  # about the friction of the curve that was computed next to the value
 
 
 def identify(
@@ -261,6 +262,7 @@ def identify(
         shift=shift,
         shift_error=error,
         proposal=None if free_shift else search.proposal(found),
+        doubts=model.doubts[min(model.doubts, key=lambda value: abs(value - found.value))],
     )
 
 

@@ -136,7 +136,7 @@ def sentences(found: Identification) -> list[str]:
 
 def doubts(found: Identification) -> list[str]:
     """What makes the value doubtful, a line each."""
-    lines = []
+    lines = list(found.doubts)
     share = found.fit.sigma / float(np.abs(found.measured).max())
     if share > MISFIT:
         lines.append(

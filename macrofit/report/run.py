@@ -14,7 +14,7 @@ from ..acceptance import Verdict, judge_scene, load_standard
 from ..base.arrays import FloatArray
 from ..base.figure import BLUE, VERMILION
 from ..results.curves import without_rounding
-from ..results.folder import CURVE, INTERFACE, SCENE, SUMMARY, read_table
+from ..results.folder import CURVE, FORCE_SD, INTERFACE, SCENE, SUMMARY, read_table
 from ..scene import Scene, load_scene
 from .chart import Frame, Window, bands, curve_frame, names, path
 from .inputs import computed
@@ -84,11 +84,17 @@ def _curve(curve: Mapping[str, FloatArray], frame: Frame, verdict: Verdict | Non
         parts += [
             path(frame.line(x, y), BLUE),
             Markup('<circle r="4" cx="{:.1f}" cy="{:.1f}" fill="{}"/>').format(across, up, VERMILION),
-            Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">peak {:.5g} kN at {:.6g} mm</text>').format(
-                across + (-10.0 if side == "end" else 10.0), up - 6.0, side, y[top], x[top]
+            Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">peak {:.5g}{} kN at {:.6g} mm</text>').format(
+                across + (-10.0 if side == "end" else 10.0), up - 6.0, side, y[top], _deviation(curve, top), x[top]
             ),
         ]
     return frame.drawing(*parts, names(frame, windows(verdict)), dot, name="fitting curve")
+
+
+def _deviation(curve: Mapping[str, FloatArray], row: int) -> str:
+    """The standard deviation of a force, where the provider of friction states one."""
+    deviation = curve.get(FORCE_SD)
+    return "" if deviation is None or not np.isfinite(deviation[row]) else f" ± {deviation[row] / 1e3:.2g}"
 
 
 def _judged(

@@ -15,6 +15,7 @@ from .foresight import SEAT_FACETS, foreseen, too_few_facets
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ..friction import Outside
     from ..solution import Solution
 
 DOUBTFUL = "Doubtful"
@@ -35,6 +36,11 @@ RELEASED = 1e-4
 a step's, which leaves 2e-5."""
 
 
+OUTSIDE_ERROR = 0.01
+"""Largest share of the force that may be wrong for what the provider of friction was asked for and does not know [-]:
+as much as the network is off within its range. `wheelset` has 0.0014, `wheelset-en` 0.00001."""
+
+
 class DoubtfulRun(MacrofitError):
     """A run with doubts where none are allowed."""
 
@@ -43,6 +49,7 @@ def doubts(solution: Solution) -> list[str]:
     """A sentence for each doubt about a run, what it showed before what its scene foretold."""
     checks: tuple[Callable[[Solution], Iterator[str]], ...] = (
         _touch, _interpenetration, _energy, _convergence, _past_end, _facets, _yield, _large_strain, _past_table, _held,
+        _outside,
     )  # fmt: skip
     return [sentence for check in checks for sentence in check(solution)] + foreseen(solution.scene)
 
@@ -163,6 +170,28 @@ def _held(solution: Solution) -> Iterator[str]:
             f"not released: {left / 1e3:.4g} kN are left at {records[-1].displacement:g} mm, for no displacement "
             f"without force was found; take motion.release out, or move the wheel back by motion.displacements"
         )
+
+
+def _outside(solution: Solution) -> Iterator[str]:
+    """A provider of friction that was asked for what it does not know."""
+    yield from outside_doubts(solution.outside, solution.displacement.tolist())
+
+
+def outside_doubts(found: Sequence[Outside], displacements: Sequence[float]) -> Iterator[str]:
+    """A sentence for each reason for which a provider of friction may be wrong, where it counts.
+
+    Args:
+        found: the pairs that it concerns.
+        displacements: of the increments [mm].
+    """
+    for each in found:
+        if each.error > OUTSIDE_ERROR:
+            head, _, told = each.reason.partition(": ")
+            low, high = each.pressure
+            yield (
+                f"{head}: {each.pairs} of {each.of} pairs of tiles at {displacements[each.increment]:g} mm, with "
+                f"{each.share:.0%} of the largest normal force and {low:.3g} to {high:.3g} MPa, {told}"
+            )
 
 
 def _large_strain(solution: Solution) -> Iterator[str]:

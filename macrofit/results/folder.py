@@ -6,6 +6,7 @@ is not empty is refused, so that nothing of the user's is overwritten.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -34,6 +35,8 @@ HEADER = (
     "displacement_mm,force_N,normal_force_N,mean_friction,max_pressure_MPa,active_facets,sticking_facets,"
     "newton_iterations,wall_s"
 )
+FORCE_SD = "force_sd_N"
+"""The column after these where the provider of friction states its standard deviation."""
 PAGE = "report.html"
 """What `macrofit report` writes; with `--pdf` a file of the same name beside it."""
 UNITS = {
@@ -119,9 +122,16 @@ class CurveFile:
         self.path = folder / CURVE
         self.records = list(before)  # everything accepted so far, those of the resumed run first
         self._last = before[-1].index if before else -1
+        self._deviates = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """Write all increments, with their deviations where one of them has one."""
+        self._deviates = any(math.isfinite(record.friction_sd) for record in self.records)
+        head = f"{HEADER},{FORCE_SD}" if self._deviates else HEADER
         with writing(self.path):
             self._file = self.path.open("wb", buffering=0)
-            append_whole(self._file.fileno(), "".join([HEADER + "\n", *map(_row, before)]).encode())
+            append_whole(self._file.fileno(), "".join([head + "\n", *map(self._row, self.records)]).encode())
 
     def started(self, scene: Scene, total_increments: int, dofs: int) -> None:
         """Nothing: the header is there."""
@@ -130,9 +140,17 @@ class CurveFile:
         """Write the increment; one that the resumed run already had is not written twice."""
         if record.index <= self._last:
             return
+        if math.isfinite(record.friction_sd) and not self._deviates:
+            self.finished()
+            self.records.append(record)
+            self._begin()
+            return
         with writing(self.path):
-            append_whole(self._file.fileno(), _row(record).encode())
+            append_whole(self._file.fileno(), self._row(record).encode())
         self.records.append(record)
+
+    def _row(self, record: Increment) -> str:
+        return _row(record) + (f",{record.force_sd!r}\n" if self._deviates else "\n")
 
     def finished(self) -> None:
         """Close the file."""
@@ -147,7 +165,7 @@ _COUNTS = ("active_facets", "sticking_facets", "newton_iterations")
 def _row(record: Increment) -> str:
     cells = [repr(float(getattr(record, name))) for name in _EXACT]
     cells += [str(int(getattr(record, name))) for name in _COUNTS]
-    return ",".join([*cells, f"{record.wall_s:.6f}"]) + "\n"
+    return ",".join([*cells, f"{record.wall_s:.6f}"])
 
 
 def read_curve(folder: Path) -> tuple[FloatArray, FloatArray]:
@@ -170,10 +188,10 @@ def read_table(path: Path) -> dict[str, FloatArray]:
     Raises:
         OutputError: there is none or it is not one of macrofit.
     """
-    names = HEADER.split(",")
     try:
         lines = path.read_text().splitlines()
-        if lines[:1] != [HEADER]:
+        names = lines[0].split(",") if lines else []
+        if names not in (HEADER.split(","), [*HEADER.split(","), FORCE_SD]):
             raise OutputError(f"{path}: is not a fitting curve of macrofit, its header is another")
         values = np.array([line.split(",") for line in lines[1:]], dtype=float).reshape(-1, len(names))
     except OSError as error:

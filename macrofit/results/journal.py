@@ -24,9 +24,9 @@ from ..solution import Increment
 from .encoding import State, decode, encode
 
 MAGIC = b"macrofit journal\n"
-VERSION = 5
-"""Version of the frames and of what is in them; 4 had no thermal strain, torque and shear, 3 increments without
-plastic work, 2 frames of another form."""
+VERSION = 6
+"""Version of the frames and of what is in them; 5 had no deviation of the friction, 4 no thermal strain, torque and
+shear, 3 increments without plastic work, 2 frames of another form."""
 
 
 class _Header(msgspec.Struct, array_like=True):
@@ -176,11 +176,13 @@ def _same_scene(path: Path, header: _Header, scene: Scene) -> None:
     old, new = _flat(msgspec.json.decode(header.scene), ""), _flat(msgspec.json.decode(now.scene), "")
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     files = sorted(header.meshes.keys() | now.meshes.keys())
-    changed += [f"content of {key}" for key in files if header.meshes.get(key) != now.meshes.get(key)]
+    others = [f"content of {key}" for key in files if header.meshes.get(key) != now.meshes.get(key)]
+    back = "put the file back as it was" if others else "run with the scene.toml beside it"
+    if others and changed:
+        back = f"{back} and run with the scene.toml beside it"
+    changed += others
     listed = ", ".join(changed[:6]) + (", ..." if len(changed) > 6 else "")
-    raise OutputError(
-        f"{path}: is of another scene (changed: {listed}); run with the scene.toml beside it, or without --resume"
-    )
+    raise OutputError(f"{path}: is of another scene (changed: {listed}); {back}, or run without --resume")
 
 
 def _flat(value: Any, where: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -33,6 +34,8 @@ def summary(solution: Solution, standard: Standard | None = None) -> dict[str, A
         "peak_force_displacement_mm": None if top is None else float(solution.displacement[top]),
         "lowest_force_N": float(force.min()) if records else None,
         "final_force_N": float(force[-1]) if records else None,
+        "peak_force_sd_N": None if top is None else _known(records[top].force_sd),
+        "final_force_sd_N": _known(records[-1].force_sd) if records else None,
         "max_von_mises_MPa": _places(solution.max_von_mises),
         "residual_von_mises_MPa": _places(solution.residual),
         "plastic_strain": _zones(solution.flowed, "value"),
@@ -60,6 +63,11 @@ def summary(solution: Solution, standard: Standard | None = None) -> dict[str, A
         "verdict_reason": reason or None,
         "doubts": doubts(solution),
     }
+
+
+def _known(value: float) -> float | None:
+    """A number that exists, else None."""
+    return value if math.isfinite(value) else None
 
 
 def _heat(solution: Solution) -> dict[str, float | int] | None:
@@ -103,6 +111,7 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
             f"at {numbers['peak_force_displacement_mm']:.6g} mm, "
             f"{numbers['final_force_N'] / 1e3:.5g} kN at the end"
         )
+    lines += _deviation_said(numbers["peak_force_sd_N"], numbers["final_force_sd_N"])
     lines += _holding_said(numbers["holding"])
     for head, key in (("Max von Mises", "max_von_mises_MPa"), ("Once released", "residual_von_mises_MPa")):
         lines += [
@@ -123,6 +132,15 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     judged = numbers["verdict"]
     lines.append(f"Verdict         {judged['sentence'] if judged else 'none: ' + numbers['verdict_reason'] + '.'}")
     return lines + doubtful_lines(numbers["doubts"])
+
+
+def _deviation_said(*forces: float | None) -> Iterator[str]:
+    known = [force for force in forces if force is not None]
+    if known:
+        yield (
+            f"Uncertain by    {' and '.join(f'{force / 1e3:.2g}' for force in known)} kN (standard deviation of the "
+            f"coefficients of pairs of tiles)"
+        )
 
 
 def _heat_said(heat: dict[str, Any] | None) -> Iterator[str]:

@@ -22,14 +22,18 @@ from ..friction import GivenFriction, ScriptFriction
 from ..plasticity.surface import SurfaceFit
 from ..press import REACH, Press
 from ..release import is_held, let_go
+from ..results.doubts import outside_doubts
 from ..scene.keys import Scene
-from ..solution import Journal
+from ..solution import Increment, Journal
+from ..solve import doubted_pairs
 from ..state import State, Step
 from .seat_stress import MM, TT, facet_mean, surface_stress
 
 SMOOTH = "friction: without it nothing holds the wheel in service; give a coefficient"
 NUMBERS = ("displacement", "force", "thermal_strain", "plastic_strain")
 """What of a residual is a number."""
+DOUBTS = "doubts"
+"""What a journal calls the doubts about a press, as text; left out where there are none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +49,7 @@ class Residual:
     friction: FloatArray  # (m,)
     stress: FloatArray  # (facets, 6) of the seat, see `seat_stress` [MPa]
     plastic_strain: float = 0.0  # largest of the press
+    doubts: tuple[str, ...] = ()  # about the friction of the press, see `results.doubts`
 
     @property
     def scalars(self) -> dict[str, float | int | bool]:
@@ -54,7 +59,8 @@ class Residual:
     @property
     def arrays(self) -> dict[str, FloatArray | IntArray]:
         """Its arrays, for a journal."""
-        return {name: getattr(self, name) for name in ("traction", "gap", "friction", "stress")}
+        own = {name: getattr(self, name) for name in ("traction", "gap", "friction", "stress")}
+        return own | ({DOUBTS: np.frombuffer("\n".join(self.doubts).encode(), dtype=np.uint8)} if self.doubts else {})
 
 
 def restored(
@@ -63,7 +69,10 @@ def restored(
     """The inverse of `Residual.scalars` and `Residual.arrays`, for the same bodies."""
     lines = (bodies["axle"].line, bodies["wheel"].line)
     place = (scalars["displacement"], scalars["thermal_strain"])
-    return Residual(coupling=_coupling(lines, place, len(arrays["gap"])), **scalars, **arrays)  # type: ignore[arg-type]
+    own = {name: values for name, values in arrays.items() if name != DOUBTS}
+    doubts = tuple(np.asarray(arrays[DOUBTS]).tobytes().decode().split("\n")) if DOUBTS in arrays else ()
+    coupling = _coupling(lines, place, len(arrays["gap"]))
+    return Residual(coupling=coupling, doubts=doubts, **scalars, **own)  # type: ignore[arg-type]
 
 
 def pressed_and_released(
@@ -89,7 +98,7 @@ def pressed_and_released(
     script = None if friction is None else ScriptFriction(friction)
     field = friction_field(scene, MPI.COMM_SELF, seat, wheel, script)
     press = Press(scene, seat, wheel.line, assembly.engine, field, yielding_of(scene, assembly))
-    before, after, flowed = _pressed(press, journal, tell)
+    records, before, after = _pressed(press, journal, tell)
     strain = scene.thermal_strain_at(len(scene.displacements) - 1)
     held = is_held(after)
     if held and after.friction_force == 0.0:
@@ -103,22 +112,28 @@ def pressed_and_released(
     if not steps[-1].facets.friction.any():
         raise ConvergenceError(SMOOTH)
     found = _residual(press, steps[-1], after.axial_force, assembly)
-    return replace(found, plastic_strain=flowed), assembly.bodies
+    flowed = max((record.plastic_strain for record in records), default=0.0)
+    outside = doubted_pairs(press, records, MPI.COMM_SELF)
+    doubts = tuple(outside_doubts(outside, [record.displacement for record in records]))
+    return replace(found, plastic_strain=flowed, doubts=doubts), assembly.bodies
 
 
-def _pressed(press: Press, journal: Journal | None, tell: Callable[[str], None]) -> tuple[State, State, float]:
-    """The states before and after the last increment, and the largest plastic strain of all."""
+def _pressed(
+    press: Press, journal: Journal | None, tell: Callable[[str], None]
+) -> tuple[list[Increment], State, State]:
+    """All increments, and the states before and after the last of them."""
     kept = [] if journal is None else journal.records()
     states = [State.restored(arrays) for _, arrays in kept]
     press.friction.recall(arrays for _, arrays in kept)
     before, after = press.resumed(states[:-1]), press.resumed(states)
-    flowed = max((record.plastic_strain for record, _ in kept), default=0.0)
+    records = [record for record, _ in kept]
     for record, state in press.increments(after, len(states)):
         if journal is not None:
             journal.append(record, state.arrays() | press.friction.news())
-        before, after, flowed = after, state, max(flowed, record.plastic_strain)
+        records.append(record)
+        before, after = after, state
         tell(f"Pressed         to {state.displacement:.4g} of {press.scene.displacements[-1]:.4g} mm")
-    return before, after, flowed
+    return records, before, after
 
 
 def _residual(press: Press, step: Step, force: float, assembly: Assembly) -> Residual:

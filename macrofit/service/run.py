@@ -43,6 +43,7 @@ class Turned:
     endurance: Endurance
     friction: FloatArray  # (m,) coefficients
     plastic_strain: float  # largest, of the press
+    doubts: tuple[str, ...] = ()  # about the friction of the press
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +205,7 @@ def _turned(
         endurance=endurance(whole, stress, wear),
         friction=rotation.friction,
         plastic_strain=residual.plastic_strain,
+        doubts=residual.doubts,
     )
 
 

@@ -26,6 +26,7 @@ from ..records import UNBALANCED, Slide
 from ..settings import Settings
 from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
 from ..surfaces.measured import as_surface, scan_of
+from ..surfaces.origin import roughness_numbers, scan_numbers, with_units
 from ..surfaces.roughness import Roughness, measure
 from ..surfaces.surface import Body, Surface
 
@@ -165,38 +166,15 @@ def resonance_line(plates: Plates) -> str:
     return f"{line}, slid at {1e-3 * found['speed_mm_s']:.3g} m/s, {found['speed_over_f_d']:.2g} f d"
 
 
-def roughness_numbers(surface: Surface) -> dict[str, Any]:
-    """Measures of a rough face, keys with their units: about its mean plane, and `filtered`."""
-    raw, behind = asdict(measure(surface)), asdict(measure(filtered(surface), level=False))
-    del behind["hurst_exponent"]
-    return _with_units(raw) | {"filtered": _with_units(behind) | {"cutoff_mm": CUTOFF}}
-
-
 def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str, Any]:
     """Measures of a body's face as it was asked for, of profiles along its strip, and of its spheres' envelope."""
     keys, face = settings.surface, packing.surface
     seed = keys.wheel_seed if body == "wheel" else keys.axle_seed
-    along = _with_units(asdict(profile(measured_length(keys, body, seed, face))))
+    along = with_units(asdict(profile(measured_length(keys, body, seed, face))))
     envelope = roughness_numbers(packing.inner_envelope)
     found = roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
     scan = keys.measured(body)
     return found if scan is None else found | {"measured": scan_numbers(scan)}
-
-
-def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
-    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done."""
-    found = []
-    for which, (name, sha256) in enumerate(zip(keys.files, keys.sha256 or keys.found().sha256, strict=True)):
-        scan = scan_of(keys, which)
-        angle, strength = lay(scan)
-        found.append(
-            {
-                "file": name, "sha256": sha256, "size_mm": scan.size, "spacing_mm": scan.spacing,
-                "points": scan.heights.shape, **roughness_numbers(as_surface(scan)), "lay_degrees": angle,
-                "lay_strength": strength, "done": scan.done, "doubts": scan.doubts,
-            }
-        )  # fmt: skip
-    return found
 
 
 def scan_lines(keys: ScanKeys) -> list[str]:
@@ -216,10 +194,6 @@ def scan_lines(keys: ScanKeys) -> list[str]:
         lines.append(f"Lay             {told}")
         lines += [f"Doubt           {line}" for line in scan.doubts]
     return lines
-
-
-def _with_units(measures: dict[str, float]) -> dict[str, Any]:
-    return {name if name in ("Sdq", "hurst_exponent") else f"{name}_mm": value for name, value in measures.items()}
 
 
 def versions() -> dict[str, str]:

@@ -205,14 +205,28 @@ class _Piece(NamedTuple):
     flipped: tuple[bool, bool]  # along, across
 
 
+def laid_pieces(keys: ScanKeys, body: Body, draw: int, size: tuple[float, float]) -> list[tuple[float, _Piece]]:
+    """The pieces of patches that a body of this length and width [mm] is laid out of, and where each begins [mm]."""
+    length, width = size
+    scans = [scan_of(keys, which) for which in range(len(keys.files))]
+    piece, pitch = _pitch(scans, width)
+    numbers = range(floor(-piece / pitch) + 1, floor(length / pitch) + 1)
+    return [(number * pitch, _drawn(scans, body, draw, number, (piece, width))) for number in numbers]
+
+
+def _pitch(scans: list[Scan], width: float) -> tuple[float, float]:
+    """Length of a piece and distance of two that follow each other [mm]."""
+    piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
+    return piece, (1.0 - BLEND) * piece
+
+
 def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatArray) -> FloatArray:
     """Heights at places along a strip that is laid out of pieces of patches."""
     width = float(y[-1])
     scans = [scan_of(keys, which) for which in range(len(keys.files))]
     for scan, name in zip(scans, keys.files, strict=True):
         _check_width(scan, name, width, width)
-    piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
-    pitch = (1.0 - BLEND) * piece
+    piece, pitch = _pitch(scans, width)
     heights = np.zeros((len(x), len(y)))
     for number in range(floor((x[0] - piece) / pitch), floor(x[-1] / pitch) + 1):
         inside = np.flatnonzero((x >= number * pitch) & (x <= number * pitch + piece))

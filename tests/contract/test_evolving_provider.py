@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -143,6 +144,13 @@ def test_a_base_that_evolves_itself_is_refused() -> None:
     options = {"base": "evolving", "options": inner, "flat_coefficient": 0.1, "work": 1e3}
     with pytest.raises(ProviderError, match="'evolving' depends on pressure and sliding itself"):
         build("evolving", options, CONTEXT)
+
+
+def test_a_network_asked_for_own_pressures_says_how_to_give_it_one() -> None:
+    options: dict[str, Any] = {"base": "surrogate", "flat_coefficient": 0.07, "work": 1e4}
+    with pytest.raises(ProviderError, match=r"give it one, friction\.options\.options\.pressure = 170\.0 \[MPa\], or"):
+        build("evolving", options, CONTEXT)
+    build("evolving", options | {"options": {"pressure": 170.0}}, CONTEXT)
 
 
 # In a run

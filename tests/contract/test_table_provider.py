@@ -165,6 +165,11 @@ def test_a_journal_is_of_one_table(file: Path) -> None:
     file.write_text("z_mm,coefficient\n0,0.2\n")
     with pytest.raises(Exception, match=r"another scene \(changed: content of friction\.options\.file\)"):
         Journal.resume(file.with_name("journal.bin"), scene)
+    with pytest.raises(Exception, match=r"put the file back as it was, or run without --resume"):
+        Journal.resume(file.with_name("journal.bin"), scene)
+    other = small_press("friction.provider=table", f"friction.options={{file='{file}'}}", "motion.travel=50")
+    with pytest.raises(Exception, match=r"back as it was and run with the scene.toml beside it, or run without"):
+        Journal.resume(file.with_name("journal.bin"), other)
     file.unlink()
     with pytest.raises(Exception, match=r"content of friction\.options\.file"):
         Journal.resume(file.with_name("journal.bin"), scene)

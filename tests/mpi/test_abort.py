@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from launcher import Mpirun
 
 FAILS_ON_ONE_RANK = """
 from mpi4py import MPI
@@ -71,3 +72,23 @@ def test_the_shared_folder_is_the_same_on_every_rank(shared_tmp_path):
     (shared_tmp_path / f"rank{MPI.COMM_WORLD.rank}").touch()
     MPI.COMM_WORLD.Barrier()
     assert len(list(shared_tmp_path.iterdir())) == MPI.COMM_WORLD.size
+
+
+ALONE = """
+from mpi4py import MPI
+from macrofit.assembly import assemble
+from macrofit.scene import load_scene
+
+if MPI.COMM_WORLD.rank == 1:
+    assemble(load_scene("wheelset", ["mesh.coarse=60", "mesh.seat_facet=8", "output.stress=false"]), MPI.COMM_SELF)
+MPI.COMM_WORLD.Barrier()
+"""
+
+
+def test_a_rank_that_needs_dolfinx_does_not_wait_for_those_that_do_not(
+    tmp_path: Path, mpirun: Mpirun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PETSc would begin on all ranks together; where stiffnesses are kept, some ranks never load it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    done = mpirun(2, "-c", ALONE, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -275,3 +276,25 @@ def test_a_network_answers_alike_on_any_number_of_ranks(shared_tmp_path: Path) -
     assert (shared.coefficient == alone).all()
     assert (shared.uncertainty == provider.uncertainty(pairs)).all()
     assert np.ptp(alone) > 1e-3
+
+
+@pytest.mark.mpi
+def test_what_all_ranks_are_told_of_files_is_said_once(shared_tmp_path: Path) -> None:
+    """A table that ends before the seat: once, and by the first rank."""
+    file = shared_tmp_path / "mu.csv"
+    if WORLD.rank == 0:
+        file.write_text("z_mm,coefficient\n0,0.1\n60,0.14\n")
+    WORLD.Barrier()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        solve(small_press("friction.provider=table", f"friction.options={{file='{file}'}}"), WORLD)
+    assert WORLD.allgather(len(said)) == [1] + [0] * (WORLD.size - 1)
+
+
+@pytest.mark.mpi
+def test_what_a_network_does_not_know_is_the_same_on_any_number_of_ranks() -> None:
+    """Each rank looks at its part of the pairs."""
+    scene = small_press("friction.provider=surrogate", "wheel.bore_radius=94.995")
+    shared, alone = solve(scene, WORLD).outside, solve(scene, MPI.COMM_SELF).outside
+    assert [each.reason.partition(":")[0] for each in alone] == ["unknown pressures"]
+    assert shared == alone

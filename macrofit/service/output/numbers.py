@@ -138,6 +138,7 @@ def service_doubts(whole: Wheelset, turned: Turned) -> list[str]:
         )
     if abs(last.load_work - last.friction_work) > BALANCED * max(abs(last.friction_work), LEAST_WORK):
         found.append("the work of the loads is not that of friction; try more service.steps or service.revolutions")
+    found.extend(turned.doubts)
     found.extend(large_strain(turned.plastic_strain))
     found.extend(past_table(whole.scene, dict.fromkeys(("axle", "wheel"), turned.plastic_strain)))
     if any(hardening(body.material) for body in (whole.scene.axle, whole.scene.wheel)):

@@ -38,7 +38,7 @@ def assert_same(record, expected):
         if field.name != "facets":
             value = getattr(expected, field.name)
             assert type(getattr(record, field.name)) is type(value)
-            assert getattr(record, field.name) == value
+            assert getattr(record, field.name) == pytest.approx(value, rel=0.0, abs=0.0, nan_ok=True)
     for field in dataclasses.fields(expected.facets):
         assert_same_array(getattr(record.facets, field.name), getattr(expected.facets, field.name))
 

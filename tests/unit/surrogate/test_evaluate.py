@@ -24,6 +24,7 @@ from surrogate.evaluation.errors import coverage, coverage_interval, relative_er
 from surrogate.evaluation.measured import arrange_tests, require_unseen
 from surrogate.evaluation.parts import parts_lines, parts_report
 from surrogate.evaluation.predicted import PredictedPairs, constant_ratio, foundation_alone, predict_tests
+from surrogate.evaluation.report import evaluation_lines
 from surrogate.evaluation.run import evaluate_network, evaluation_report
 from surrogate.network.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.network.dataset import pair_tensors
@@ -274,6 +275,14 @@ def test_parts_have_errors_floors_and_coverage_of_their_own() -> None:
     assert found["all"]["floor"] == pytest.approx(SCATTER * np.sqrt(2.0 / np.pi) / np.sqrt(PACKINGS), rel=0.15)
     assert found["all"]["error_over_mean"] == pytest.approx(0.02, rel=0.05)
     assert len(parts_lines(parts)) == len(parts) + 3
+    about = {"network": "n", "faces": "generated"}
+    predicted = PredictedPairs("known", mean, 0.0 * mean + 1.0)
+    lines = evaluation_lines(evaluation_report(data, predicted, [], about))
+    assert lines[1].startswith(
+        "In its range    2.00 ± 0.13 % against the mean over packings, micro from 0.05 on (floor "
+    )
+    assert lines[2].startswith("Relative error  ")
+    assert evaluation_lines(evaluation_report(DATA, TRUE, [], about))[1].startswith("Relative error  ")
     assert parts_report(DATA, TRUE) == {}  # all at one pressure
 
 

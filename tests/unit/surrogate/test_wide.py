@@ -16,6 +16,7 @@ from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, TilePairs, build
 from macrofit.identify.fit import identify
 from macrofit.identify.measured import Measured
+from macrofit.results.doubts import DoubtfulRun, allow_none, doubts
 from macrofit.scene import load_scene
 from macrofit.solve import solve
 from meso.friction_test import run
@@ -243,6 +244,93 @@ def test_a_softer_solid_has_the_coefficients_of_p_over_e() -> None:
     softer = provider(103e3).coefficients(asked(75.0))
     assert softer.tolist() == provider().coefficients(asked(150.0)).tolist()
     assert softer.tolist() != provider().coefficients(asked(75.0)).tolist()
+    assert softer.tolist() == provider(206e3 / 3.0).coefficients(asked(50.0)).tolist()
+
+
+def test_pressures_beyond_the_levels_have_levels_of_their_own() -> None:
+    levels = PressureLevels(20.0, 520.0)
+    pressure = np.array([0.0, 0.3, 1.0, 5.0, 17.9, 18.1, 100.0, 560.0, 580.0, 2000.0, 9000.0])
+    level = levels.beyond(pressure)
+    assert level[[0, 5, 6, 7]].tolist() == levels.of(pressure[[0, 5, 6, 7]]).tolist()
+    assert (level[1:5] < 0).all()
+    assert (level[8:] >= levels.count).all()
+    served = levels.pressure(level)
+    assert served[3:5] == pytest.approx([5.0, 17.9], rel=0.106)
+    assert served[8:10] == pytest.approx([580.0, 2000.0], rel=0.106)
+    assert served[[1, 2, 10]] == pytest.approx([1.0, 1.0, 5000.0], rel=0.106)  # where the plates end
+    assert levels.octaves(np.array([0.0, 5.0, 19.0, 550.0, 1040.0])).tolist() == [0.0, 2.0, 0.0, 0.0, 1.0]
+
+
+def test_pressures_beyond_those_learned_from_are_counted() -> None:
+    made = provider()
+    end = made.coefficients(asked(20.0)).tolist()
+    for pressure, counted in ((0.0, 0), (25.0, 0), (5.0, 4), (900.0, 8)):
+        answer = made.coefficients(asked(pressure)).tolist()
+        assert (answer == end) is (pressure < 20.0)
+        assert made.counters["clamped"] == counted
+    assert "clamped" not in provider(pressure=170.0).counters
+
+
+@pytest.mark.filterwarnings("ignore:friction provider")
+def test_plates_answer_for_the_pressure_of_a_pair() -> None:
+    """Those that the network has not seen alone, and not at the 170 MPa that plates have by themselves."""
+    small: dict[str, Any] = {"plates": {"spheres": 400}, "engine": {"increment": 0.05}}
+    made = provider(103e3, fallback="dem", dem=small)
+    levels = made.tiles.pressures
+    assert levels is not None
+    on_steel = made.tiles.predictor.provenance.at_modulus(1.0, 103e3)
+    own = float(levels.pressure(levels.beyond(np.array([1000.0 * on_steel])))[0]) / on_steel
+    context = BuildContext(seat_tiles=8, bore_tiles=8, youngs_modulus=103e3, poisson_ratio=0.3)
+    dem = build("dem", small | {"load": {"pressure": own, "control": "force"}}, context)
+    network = provider(103e3).coefficients(asked(75.0))
+    both = asked(75.0)._replace(pressure=np.array([75.0, 1000.0, 75.0, 1000.0]))
+    assert own == pytest.approx(1000.0, rel=0.106)
+    expected = [network[0], dem.coefficients(both)[1], network[2], dem.coefficients(both)[3]]
+    assert made.coefficients(both).tolist() == expected
+    assert made.counters["clamped"] == 2
+    assert made.outside(both) == {}
+
+
+def test_what_a_network_does_not_know_is_said_by_how_much() -> None:
+    """In MPa of the axle's material; for each halving of the pressure 1.8 %, which is what it is worth within."""
+    low, high = provider().outside(asked(5.0)), provider(103e3).outside(asked(1040.0))
+    (pressures,) = (reason for reason in low if reason.startswith("unknown pressures"))
+    assert low[pressures] == pytest.approx(np.full(4, 0.018 * 2.0), rel=1e-2)
+    (pressures,) = (reason for reason in high if reason.startswith("unknown pressures"))
+    assert "beyond the 10 to 26" in pressures
+    assert high[pressures] == pytest.approx(np.full(4, 0.018 * 2.0), rel=1e-2)
+    assert not any(off.any() for off in provider().outside(asked(150.0)).values())
+    with pytest.warns(UserWarning, match="asked nevertheless"):
+        other = provider(micro_friction=0.4, fallback="warning").outside(asked(150.0))
+    assert {reason.partition(":")[0]: off.max() for reason, off in other.items()} == {
+        "unknown faces": 0.0, "unknown inputs": 0.2, "unknown pressures": 0.0,
+    }  # fmt: skip
+
+
+LITTLE = ("motion.travel=60", "motion.increment=6", "mesh.seat_facet=4", "mesh.coarse=40", "output.stress=false")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "doubted"),
+    [
+        ((), {}),
+        (("wheel.bore_radius=94.995",), {"unknown pressures": "37 of 37 pairs of tiles at 60 mm, with 100% of"}),
+        (("friction.options={micro_friction=0.4,fallback='warning'}",), {"unknown inputs": "45 of 45 pairs"}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:friction provider 'surrogate'")
+def test_a_press_fit_says_where_the_network_was_asked_for_what_it_does_not_know(
+    overrides: tuple[str, ...], doubted: dict[str, str]
+) -> None:
+    fit = solve(load_scene("wheelset", [*LITTLE, "friction.provider=surrogate", *overrides]), MPI.COMM_SELF)
+    said = [sentence for sentence in doubts(fit) if sentence.startswith("unknown")]
+    assert {sentence.partition(":")[0] for sentence in said} == set(doubted)
+    for sentence in said:
+        head, _, told = sentence.partition(": ")
+        assert told.startswith(doubted[head])
+        assert "fallback = 'dem'" in told
+        with pytest.raises(DoubtfulRun, match="unknown"):
+            allow_none(said, "here")
 
 
 def test_one_pressure_for_all() -> None:
@@ -260,10 +348,9 @@ def test_micro_coefficients_of_real_seats_are_inside(micro: float) -> None:
 
 def test_what_matches_uniform_friction_is_found_inside() -> None:
     """Uniform 0.11 on `wheelset`: about 0.106 by the network, which counts no pair unlike those it has learned from."""
-    little = ["motion.travel=60", "motion.increment=6", "mesh.seat_facet=4", "mesh.coarse=40", "output.stress=false"]
-    uniform = solve(load_scene("wheelset", [*little, "friction.options.coefficient=0.11"]), MPI.COMM_SELF)
+    uniform = solve(load_scene("wheelset", [*LITTLE, "friction.options.coefficient=0.11"]), MPI.COMM_SELF)
     measured = Measured(uniform.displacement[1:], uniform.force[1:])
-    rough = [*little, "friction.provider=surrogate"]
+    rough = [*LITTLE, "friction.provider=surrogate"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = identify("wheelset", measured, rough, comm=MPI.COMM_SELF).fit.value

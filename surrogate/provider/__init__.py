@@ -18,48 +18,36 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
 
-from macrofit.base.arrays import HeightArray
 from macrofit.base.keys import KeyMistake, decode_tables
-from macrofit.friction import (
-    BuildContext,
-    FloatArray,
-    FrictionProvider,
-    IntArray,
-    ProviderError,
-    TilePairs,
-    answered,
-    build,
-    load,
-)
+from macrofit.friction import BuildContext, FrictionProvider, ProviderError, build, load
 from meso.errors import MesoError, SettingsError
 from meso.presets import DEFAULT, PRESETS, on_preset
 from meso.settings import FaceKeys, decode
 from meso.surfaces.measured import doubts_of
 from meso.surfaces.surface import Body, tile_seed
 
-from .data.plates import Plates
-from .errors import SurrogateError
-from .levels import distinct_pairs
-from .network.shipped import SHIPPED, NetworkName
+from ..data.plates import Plates
+from ..errors import SurrogateError
+from ..network.shipped import SHIPPED, NetworkName
+from .answers import TileNetwork
 
 if TYPE_CHECKING:
-    from .tiles import Tiles
+    from ..tiles import Tiles
+
+__all__ = ["Surrogate", "TileNetwork"]
 
 Fallback: TypeAlias = Literal["error", "dem", "warning"]
 
 LOOKED_AT = 9
 """Tiles of each body whose measured faces are compared with those that the network has seen."""
-LARGEST_FRICTION = math.nextafter(2.0, 0.0)
-"""Largest coefficient that the contract accepts [-]."""
 
 
 class _Faces(msgspec.Struct, frozen=True):
@@ -77,11 +65,13 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     `fallback` says what happens outside of these: "error" refuses the run; "dem" makes the provider `dem` answer in
     its place, with the same surfaces; "warning" predicts anyway. Single pairs may be unlike all that were learned from
-    although their keys are not, or are predicted to lose contact along the slide: with "dem" they go to that provider,
-    else they are counted.
+    although their keys are not, be pressed beyond its pressures, or are predicted to lose contact along the slide: with
+    "dem" they go to that provider, at their own pressure, else they are counted. Where pairs that the network does not
+    know may make the force wrong by more than 1 %, the run is doubtful.
 
     A network that has learned from many pressures is asked about the pair's own: as p/E, for the axle's modulus E. A
-    pair is asked anew when its pressure has left the `TOLERANCE` of `surrogate.levels`, not for every MPa.
+    pair is asked anew when its pressure has left the `TOLERANCE` of `surrogate.levels`, not for every MPa. Pairs beyond
+    its pressures are answered for the nearer end; what is not pressed yet is answered for the lowest.
 
     Raises:
         ProviderError: an option that is unknown or refused, by its key.
@@ -187,7 +177,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 return self._dem(context)
             warnings.warn(f"friction provider 'surrogate': {message}; it is asked nevertheless", stacklevel=2)
         if self.fallback != "dem":
-            return TileNetwork(tiles, self, trusted=not unseen, youngs_modulus=context.youngs_modulus)
+            return TileNetwork(tiles, self, unseen=unseen, youngs_modulus=context.youngs_modulus)
         others = tiles.predictor.provenance.unlike(self._answering_plates(context))
         if others:
             warnings.warn(
@@ -195,7 +185,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"has learned from: {'; '.join(others)}. Take these keys out of friction.options.dem",
                 stacklevel=2,
             )
-        dem = functools.cache(lambda: self._dem(context))
+        dem = functools.cache(lambda pressure: self._dem(context, pressure))
         return TileNetwork(tiles, self, fallback=dem, youngs_modulus=context.youngs_modulus)
 
     def _preset(self) -> tuple[str, dict[str, Any]]:
@@ -228,10 +218,10 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def _tiles(self, context: BuildContext) -> tuple[Tiles, list[str]]:
         """The tiles with the network, and which of the inputs it has not seen, in words."""
         try:
-            from .levels import PressureLevels
-            from .network.checkpoint import outside_training
-            from .pair import other_faces
-            from .tiles import load_predictor, shared_tiles
+            from ..levels import PressureLevels
+            from ..network.checkpoint import outside_training
+            from ..pair import other_faces
+            from ..tiles import load_predictor, shared_tiles
 
             network = load_predictor(self.file)
         except ImportError as error:
@@ -286,7 +276,7 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         counts: dict[Body, int] = {"axle": context.seat_tiles, "wheel": context.bore_tiles}
         if tiles.surface.axle is None and tiles.surface.bore is None:
             return []
-        from .pair import outside_heights
+        from ..pair import outside_heights
 
         unseen: list[str] = []
         try:
@@ -304,16 +294,17 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             raise ProviderError(f"friction.options.surface: {error}") from None
         return unseen
 
-    def _dem(self, context: BuildContext) -> FrictionProvider:
-        """The provider `dem` on the same surfaces."""
-        return build("dem", self._dem_options(), context)
+    def _dem(self, context: BuildContext, pressure: float | None = None) -> FrictionProvider:
+        """The provider `dem` on the same surfaces; at a pressure of its own [MPa], where one is given."""
+        return build("dem", self._dem_options(pressure), context)
 
-    def _dem_options(self) -> dict[str, Any]:
-        """Options of the provider `dem` on the same surfaces."""
+    def _dem_options(self, pressure: float | None = None) -> dict[str, Any]:
+        """Options of the provider `dem` on the same surfaces, asked for what the network is asked for."""
         own = {"micro_friction": self.micro_friction, "seed": self.seed}
         preset, keys = self._preset()
         plates = {"preset": preset, **keys, **self.dem.get("plates", {})}
-        load = {**self._own_load(), **self.dem.get("load", {})}
+        held = {} if pressure is None else {"pressure": pressure, "control": "force"}
+        load = {**held, **self._own_load(), **self.dem.get("load", {})}
         tables = {"load": load} if load else {}
         return {**self.dem, **own, **tables, "plates": plates, "surface": self.surface}
 
@@ -337,159 +328,3 @@ class Surrogate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             load("dem", self._dem_options())
         except ProviderError as error:
             raise ProviderError(str(error).replace("friction.options.", "friction.options.dem.")) from None
-
-
-class _Answer(NamedTuple):
-    """Coefficients of m distinct pairs: arrays of shape (m,)."""
-
-    pairs: tuple[IntArray, IntArray, IntArray]
-    """Seat tile, bore tile and level of the pressure of each, sorted."""
-    mean: FloatArray
-    """mu [-], 0 <= mu < 2."""
-    spread: FloatArray
-    """Standard deviation of mu [-]."""
-
-
-class TileNetwork:
-    """The predicted meso coefficient of each pair of tiles.
-
-    What comes out below 0 counts as 0. A batch is predicted in one call, each of its distinct pairs once; the answers
-    to the last batch are kept.
-
-    Args:
-        tiles: tiles of both bodies, with the network.
-        options: micro coefficient; seed and surfaces are those of `tiles`.
-        trusted: the network has seen such inputs.
-        fallback: gives the provider to ask about pairs that are predicted to lose contact, or are like none learned
-            from; None: the network answers.
-        youngs_modulus: of the axle, that the pressures press on [MPa]; left out, that of the network's plates.
-    """
-
-    depends_on: frozenset[str]
-    """With the pressure, where the network knows many; a pair is asked anew where it leaves a level."""
-
-    clipped: int
-    """Pairs predicted out of the bounds of the contract, and answered with the nearest bound."""
-    out_of_range: int
-    """Pairs predicted for inputs the network has not seen, by keys or by what it sees of the faces."""
-    losing_contact: int
-    """Pairs that are predicted to lose contact somewhere along the slide."""
-    asked_anew: int
-    """Pairs whose pressure has left the level at which they were asked before."""
-
-    def __init__(
-        self,
-        tiles: Tiles,
-        options: Surrogate,
-        *,
-        trusted: bool = True,
-        fallback: Callable[[], FrictionProvider] | None = None,
-        youngs_modulus: float | None = None,
-    ) -> None:
-        self.tiles, self.options, self.trusted = tiles, options, trusted
-        several = tiles.pressures is not None and tiles.pressures.count > 1
-        self.depends_on = frozenset({"tiles", "pressure"} if several else {"tiles"})
-        about = tiles.predictor.provenance
-        self._on_steel = 1.0 if youngs_modulus is None else about.at_modulus(1.0, youngs_modulus)
-        self.clipped = self.out_of_range = self.losing_contact = self.asked_anew = 0
-        self._level = np.full(tiles.counts, -1, dtype=np.int16) if several else None  # of each pair, when last asked
-        self._fallback = fallback
-        self._last: _Answer | None = None
-        self._asked: tuple[FloatArray, IntArray] | None = None  # pairs of the last batch, and their numbers in `_last`
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """Counts for the report of a run."""
-        counts = {"clipped": self.clipped, "out_of_range": self.out_of_range, "unheld": self.losing_contact}
-        return counts | ({"asked_anew": self.asked_anew} if self._level is not None else {})
-
-    def coefficients(self, pairs: TilePairs) -> FloatArray:
-        """mu of each pair [-], shape (n,).
-
-        Raises:
-            ProviderError: a tile without a surface, or surfaces that the network refuses.
-        """
-        answer, which = self._answered(pairs)
-        return answer.mean[which]
-
-    def uncertainty(self, pairs: TilePairs) -> FloatArray:
-        """Standard deviation of mu of each pair, over packings and from the network together [-], shape (n,).
-
-        Where another provider answered it is what that one states, NaN if nothing.
-
-        Raises:
-            ProviderError: as `coefficients`.
-        """
-        answer, which = self._answered(pairs)
-        return answer.spread[which]
-
-    def announced(self, pairs: TilePairs) -> None:
-        """Have the pairs prepared with those that others on the same tiles will be asked for."""
-        self.tiles.expect(pairs.seat, pairs.bore, self._levels(pairs))
-
-    def heights(self, body: Body, tile: int) -> HeightArray:
-        """The rough face of a tile as the network takes it [mm], read-only.
-
-        Shape (n, n) for the wheel, (2 n - 1, n) for the axle, with n the points of the network's training.
-
-        Raises:
-            ProviderError: there is no such tile.
-        """
-        try:
-            return self.tiles.heights(body, tile)
-        except SurrogateError as error:
-            raise ProviderError(f"friction provider 'surrogate': {error}") from error
-
-    def _levels(self, pairs: TilePairs) -> IntArray:
-        return self.tiles.levels(self._on_steel * pairs.pressure)
-
-    def _answered(self, pairs: TilePairs) -> tuple[_Answer, IntArray]:
-        """The distinct pairs with their answers, and the number of each pair among them, (n,)."""
-        asked = np.stack([pairs.seat, pairs.bore, pairs.pressure])
-        if self._asked is None or not np.array_equal(self._asked[0], asked):
-            distinct, which = distinct_pairs(pairs.seat, pairs.bore, self._levels(pairs))
-            if self._last is None or not all(map(np.array_equal, self._last.pairs, distinct)):
-                self._last = self._predicted(*distinct)
-            self._asked = asked, which
-        assert self._last is not None
-        return self._last, self._asked[1]
-
-    def _predicted(self, seat: IntArray, bore: IntArray, level: IntArray) -> _Answer:
-        """The answers to distinct pairs."""
-        if not seat.size:
-            return _Answer((seat, bore, level), np.empty(0), np.empty(0))
-        try:
-            prediction = self.tiles.predict(seat, bore, self.options.micro_friction, level)
-        except SurrogateError as error:
-            raise ProviderError(f"friction provider 'surrogate': {error}") from error
-        answer = _Answer((seat, bore, level), np.array(prediction.mean), np.array(prediction.spread))
-        self._replace(answer, np.flatnonzero(~(prediction.in_contact & prediction.seen)))
-        self._bound(answer)
-        if self._level is not None:
-            before = self._level[seat, bore]
-            self.asked_anew += int(((before >= 0) & (before != level)).sum())
-            self._level[seat, bore] = level
-        self.losing_contact += int((~prediction.in_contact).sum())
-        self.out_of_range += int((~prediction.seen).sum()) if self.trusted else seat.size
-        return answer
-
-    def _replace(self, answer: _Answer, doubted: IntArray) -> None:
-        """Have the pairs numbered `doubted` answered by the other provider, if there is one."""
-        if doubted.size and self._fallback is not None:
-            unused = np.zeros(doubted.size)
-            seat, bore, _ = answer.pairs
-            pairs = TilePairs(seat[doubted], bore[doubted], unused, unused)
-            answer.mean[doubted], answer.spread[doubted] = answered(self._fallback(), pairs, "dem")
-
-    def _bound(self, answer: _Answer) -> None:
-        """Bring the coefficients within the contract."""
-        wrong = np.flatnonzero((answer.mean < 0.0) | (answer.mean > LARGEST_FRICTION))
-        if wrong.size and not self.clipped:
-            seat, bore, mean, spread = (column[wrong[0]] for column in (*answer.pairs[:2], answer.mean, answer.spread))
-            warnings.warn(
-                f"friction provider 'surrogate': the coefficient of seat tile {seat} and bore tile {bore} comes out as "
-                f"{mean:.4f} +- {spread:.4f} and is taken as {min(2, max(0, round(mean)))}, and so will others be",
-                stacklevel=2,
-            )
-        self.clipped += wrong.size
-        answer.mean[wrong] = np.clip(answer.mean[wrong], 0.0, LARGEST_FRICTION)
