@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from macrofit.base.errors import shortened
+
 from .raw import RawScan, ScanError, length_unit
 
 SUFFIXES = (
@@ -35,7 +37,7 @@ def read_foreign(path: Path) -> RawScan:
         heights = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
         sizes, unit = found.physical_sizes, found.unit
     except Exception as error:  # whatever a stranger's reader raises at a stranger's file
-        raise ScanError(f"SurfaceTopography does not read it ({type(error).__name__}: {error})") from None
+        raise ScanError(f"SurfaceTopography does not read it ({type(error).__name__}: {shortened(error)})") from None
     if heights.ndim != 2:
         raise ScanError("it is a line, no surface")
     scale = None if unit is None else length_unit(unit)

@@ -36,6 +36,9 @@ class ScanKeys(Keys, frozen=True):
     along: Annotated[
         Literal["x", "y"], told("Axis of the file that runs along the slide: x are the rows of a table's heights.")
     ] = "x"
+    invert: Annotated[
+        bool, told("Heights turned over, where the file is of a cast (replica): here they rise out of the metal.")
+    ] = False
     remove: Annotated[Form, told("Form taken away: a plane, and the curvature across, or all of a degree.")] = (
         "cylinder"
     )
@@ -62,7 +65,9 @@ class ScanKeys(Keys, frozen=True):
         return msgspec.structs.replace(self, sha256=tuple(digest(Path(name)) for name in self.files))
 
 
-Measured: TypeAlias = str | tuple[str, ...] | ScanKeys
+Measured: TypeAlias = (
+    Annotated[str, msgspec.Meta(min_length=1)] | Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] | ScanKeys
+)
 
 
 def digest(path: Path) -> str:

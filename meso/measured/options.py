@@ -33,6 +33,7 @@ OPTIONS = (
         "--unit", type=click.Choice(["m", "mm", "um", "µm", "nm"]), help="Of the heights, where the file has none [mm]."
     ),
     click.option("--along", type=click.Choice(["x", "y"]), help="Axis of the file that runs along the slide [x]."),
+    click.option("--invert", is_flag=True, default=None, help="Turn the heights over: the file is of a cast."),
     click.option(
         "--remove", type=click.Choice(["none", "plane", "cylinder", "polynomial"]), help="Form taken away [cylinder]."
     ),
@@ -44,7 +45,7 @@ OPTIONS = (
         help="The middle of a file is the face; or the tile that the seed has on a strip, or on patches [face].",
     ),
 )  # fmt: skip
-NAMES = ("spacing", "unit", "along", "remove", "degree", "filter", "grid", "use")
+NAMES = ("spacing", "unit", "along", "invert", "remove", "degree", "filter", "grid", "use")
 """Parameters that these options have in a command."""
 
 
