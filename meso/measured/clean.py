@@ -38,6 +38,8 @@ COARSE = 2.01
 """Spacing over that of the means above which a scan is doubted [-]; generated faces have twice theirs."""
 STEEPEST = 1.0
 """Sdq above this is doubted [-]."""
+FLAT_SHARE, FLAT_OVER = 0.01, 10.0
+"""Share of points with exactly the highest or lowest height above which a scan is doubted, and over others' [-]."""
 SAMPLE = 1000
 """Points along each axis, at most, from which slopes and usual distances are taken."""
 
@@ -75,6 +77,7 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
     """
     scan = _cropped(_in_mm(raw, keys))
     heights, missing = scan.heights, ~np.isfinite(scan.heights)
+    flat = _flat_ends(heights)
     if missing.mean() > MOST_MISSING:
         raise SurfaceError(f"{missing.mean():.0%} of its points are missing: take less than {MOST_MISSING:.0%}")
     heights = filled(heights, missing)
@@ -85,7 +88,7 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
         heights=rest,
         done=(*scan.done, *made_up, _levelled(keys)),
         made_up=made_up,
-        doubts=(*scan.doubts, *_much("missing", missing, MUCH_MISSING), *_much("spikes", spikes, MANY_SPIKES)),
+        doubts=(*scan.doubts, *flat, *_much("missing", missing, MUCH_MISSING), *_much("spikes", spikes, MANY_SPIKES)),
     )
     return _plausible(scan, keys, raw.unit is not None)
 
@@ -264,6 +267,26 @@ def _mended(what: str, places: BoolArray) -> tuple[str, ...]:
 
 def _much(what: str, places: BoolArray, limit: float) -> tuple[str, ...]:
     return (f"{what}: {places.mean():.1%} of the points, more than {limit:.0%}",) if places.mean() > limit else ()
+
+
+def _flat_ends(heights: FloatArray) -> tuple[str, ...]:
+    """Whether many points have exactly the highest or the lowest height, as where an instrument's range ends.
+
+    In whole steps many points share a height anyway: then more than `FLAT_OVER` times those of the next five steps.
+    """
+    found = []
+    for what, end in (("highest", np.fmax.reduce(heights, axis=None)), ("lowest", np.fmin.reduce(heights, axis=None))):
+        count = int(np.count_nonzero(heights == end))
+        if count <= FLAT_SHARE * heights.size:
+            continue
+        values, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
+        next_to = counts[-6:-1] if what == "highest" else counts[1:6]
+        if len(values) > 2 and count > FLAT_OVER * next_to.mean():
+            found.append(
+                f"{count / heights.size:.1%} of its points have exactly its {what} height: did the range of the "
+                "instrument end there?"
+            )
+    return tuple(found)
 
 
 def _levelled(keys: ScanKeys) -> str:

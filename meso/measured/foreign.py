@@ -18,6 +18,10 @@ SUFFIXES = (
 """Suffixes of files that are left to it."""
 
 
+MARKLESS = {"hgt", "asc", "txt", "csv", "xyz"}
+"""Suffixes of kinds without a mark of their own: their readers take other files too, square blocks of bytes as heights."""
+
+
 def read_foreign(path: Path) -> RawScan:
     """The default channel of a file.
 
@@ -33,6 +37,11 @@ def read_foreign(path: Path) -> RawScan:
         ) from None
     try:
         with open_topography(str(path)) as reader:
+            kinds = set(getattr(reader, "_file_extensions", None) or ())
+            if kinds & MARKLESS:
+                raise ValueError(
+                    f"it has no mark of a {path.suffix} file, and would be taken for {', '.join(sorted(kinds))}"
+                )
             found = reader.topography()
         heights = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
         sizes, unit = found.physical_sizes, found.unit

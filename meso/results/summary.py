@@ -25,7 +25,7 @@ from ..plates import Plates
 from ..records import UNBALANCED, Slide
 from ..settings import Settings
 from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
-from ..surfaces.measured import as_surface, scan_of
+from ..surfaces.measured import as_surface, place_doubts, scan_of, shared_files
 from ..surfaces.roughness import Roughness, measure
 from ..surfaces.surface import Body, Surface
 
@@ -180,11 +180,19 @@ def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str
     envelope = roughness_numbers(packing.inner_envelope)
     found = roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
     scan = keys.measured(body)
-    return found if scan is None else found | {"measured": scan_numbers(scan)}
+    if scan is None:
+        return found
+    doubts = (*place_doubts(scan, seed, face.size), *(shared_files(keys) if body == "wheel" else ()))
+    return found | {"measured": scan_numbers(scan, doubts)}
 
 
-def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
-    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done."""
+def scan_numbers(keys: ScanKeys, doubts: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done.
+
+    Args:
+        keys: files, and what is done with them.
+        doubts: what may be wrong besides, kept with the first file.
+    """
     found = []
     for which, (name, sha256) in enumerate(zip(keys.files, keys.sha256 or keys.found().sha256, strict=True)):
         scan = scan_of(keys, which)
@@ -193,7 +201,8 @@ def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
             {
                 "file": name, "sha256": sha256, "size_mm": scan.size, "spacing_mm": scan.spacing,
                 "points": scan.heights.shape, **roughness_numbers(as_surface(scan)), "lay_degrees": angle,
-                "lay_strength": strength, "done": scan.done, "doubts": scan.doubts,
+                "lay_strength": strength, "done": scan.done,
+                "doubts": (*scan.doubts, *(doubts if which == 0 else ())),
             }
         )  # fmt: skip
     return found
@@ -327,9 +336,16 @@ def _verdict(each: dict[str, Any]) -> str:
 def roughness_line(surface: Surface) -> str:
     """Measures of a rough face for people, on one line."""
     r: Roughness = measure(surface)
-    hurst = f"{r.hurst_exponent:.2f}" if np.isfinite(r.hurst_exponent) else "not known on so few points"
+    hurst = _hurst(r.hurst_exponent)
     heights = ", ".join(f"{name} {1e3 * getattr(r, name):.3g} µm" for name in ("Sa", "Sq", "Sz"))
     return f"{heights}, Sdq {r.Sdq:.3g}, Hurst exponent {hurst}"
+
+
+def _hurst(exponent: float) -> str:
+    """The exponent in words where it is none: grooves and noise have no slope of a self-affine surface."""
+    if not np.isfinite(exponent):
+        return "not known on so few points"
+    return f"{exponent:.2f}" if 0.0 <= exponent <= 1.0 else "none (not self-affine)"
 
 
 def filtered_line(surface: Surface) -> str:

@@ -79,6 +79,11 @@ def _scan(keys: ScanKeys, which: int) -> Scan:
         raise SurfaceError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     if keys.filter is None:
         return scan
+    if keys.filter > max(scan.size):
+        raise SurfaceError(
+            f"{path}: filter = {keys.filter:g} mm is longer than its {scan.size[0]:.4g} x {scan.size[1]:.4g} mm, and "
+            "takes nothing away: take a shorter cut-off, such as 0.8, or leave it out"
+        )
     rest = filtered(as_surface(scan), keys.filter).heights
     done = (*scan.done, f"waves above {keys.filter:g} mm filtered out (Gaussian)")
     return replace(scan, heights=rest, done=done)
@@ -141,7 +146,7 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     Raises:
         SurfaceError: a file that cannot be used, is too small, or not half as long as the body.
     """
-    found = []
+    found = shared_files(keys)
     for body, count in counts.items():
         scan = keys.measured(body)
         if scan is None:
@@ -155,17 +160,49 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     return found
 
 
-def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
-    """The keys of a file that is a face; one without a spacing covers all of it, its outer points on the border.
+def shared_files(keys: FaceKeys) -> list[str]:
+    """Files that are both faces, in words."""
+    axle, bore = keys.measured("axle"), keys.measured("wheel")
+    if axle is None or bore is None:
+        return []
+    both = [name for name in axle.files if name in bore.files]
+    return [f"{name}: is the face of the axle and of the bore, which are then no independent faces" for name in both]
+
+
+def place_doubts(keys: ScanKeys, seed: int, size: tuple[float, float]) -> tuple[str, ...]:
+    """What may be wrong with the place that a seed has on a body's files, in words: a strip may end before it.
+
+    Args:
+        keys: files, and what is done with them.
+        seed: 65536 draw + tile.
+        size: length along the slide and width of the tile [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used.
+    """
+    if keys.use == "face" or not is_strip(keys, size[1]):
+        return ()
+    long, tile = scan_of(keys, 0).size[0], seed % TILES
+    if tile * size[1] + size[0] <= long * (1.0 + 1e-9):
+        return ()
+    return (
+        f"tile {tile} ends at {tile * size[1] + size[0]:.4g} mm, and the strip at {long:.4g} mm: it is reflected there",
+    )
+
+
+def covering(keys: ScanKeys, size: tuple[float, float]) -> tuple[ScanKeys, tuple[str, ...]]:
+    """The keys of a file that is a face, and what is assumed of it, in words.
+
+    A file without a spacing covers all of the face, its outer points on the border.
 
     Raises:
         SurfaceError: its points would be much farther apart along the slide than across, or the other way round.
     """
     if keys.spacing is not None:
-        return keys
+        return keys, ()
     raw = read_scan(Path(keys.files[0]))
-    if raw.spacing is not None or raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
-        return keys
+    if raw.spacing is not None or raw.remarks.unclear or raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
+        return keys, ()
     nx, ny = raw.heights.shape if keys.along == "x" else raw.heights.shape[::-1]
     spacing = size[0] / (nx - 1), size[1] / (ny - 1)
     if not 0.5 < spacing[0] / spacing[1] < 2.0:
@@ -173,7 +210,11 @@ def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
             f"{keys.files[0]}: {nx} x {ny} points are not those of {size[0]:g} x {size[1]:g} mm: rows run along the "
             f"slide, and the face is {size[0]:g} mm long; or give the spacing"
         )
-    return msgspec.structs.replace(keys, spacing=spacing)
+    told = (
+        f"no spacing is stated: taken to cover the face of {size[0]:g} x {size[1]:g} mm, its points "
+        f"{1e3 * spacing[0]:.3g} x {1e3 * spacing[1]:.3g} µm apart; else give the spacing"
+    )
+    return msgspec.structs.replace(keys, spacing=spacing), (told,)
 
 
 def _in_the_middle(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:

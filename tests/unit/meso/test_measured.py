@@ -437,7 +437,8 @@ def test_each_patch_is_read_once_however_many_there_are(
 def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
     face = rough_face(Settings().surface, "wheel", 5, (1.0, 1.0))
     np.save(tmp_path / "w.npy", face.heights)
-    scan = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
+    scan, told = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
+    assert told[0].startswith("no spacing is stated: taken to cover the face of 1 x 1 mm, its points 125 x 125 µm apart")
     assert np.allclose(measured_face(scan, "wheel", 0, (1.0, 1.0)).resampled((9, 9)).heights, face.heights, atol=1e-15)
 
 
