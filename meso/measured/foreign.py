@@ -19,7 +19,7 @@ SUFFIXES = (
 
 
 MARKLESS = {"hgt", "asc", "txt", "csv", "xyz"}
-"""Suffixes of kinds without a mark of their own: their readers take other files too, square blocks of bytes as heights."""
+"""Suffixes of kinds without a mark of their own, whose readers take other files too: any block of bytes, as heights."""
 
 
 def read_foreign(path: Path) -> RawScan:

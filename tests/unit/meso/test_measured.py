@@ -201,6 +201,8 @@ REFUSED = {
     "spacing in m": (lambda h: h, {"spacing": 1e-5}, "spacing is in mm; is it in m or µm"),
     "small": (lambda h: h[:150], {}, "covers 1.5 mm along the slide and 1.125 mm across, a tile needs 2 x 1 mm"),
     "noise": (lambda h: h + (np.random.default_rng(1).random(h.shape) < 0.1), {}, "are spikes"),
+    "a profile": (lambda h: h[:, :2], {}, "too few for remove = 'cylinder': are they some profiles"),
+    "a long filter": (lambda h: h, {"filter": 8.0}, "filter = 8 mm is longer than its 2.1 x 1.125 mm"),
     "two files": (lambda h: h, {"use": "strip", "files": ("a", "b")}, "use = 'strip' takes one file"),
 }
 
@@ -219,6 +221,7 @@ DOUBTED = {
     "a tenth": (lambda h: 0.02 * h, {}, "which is rare on machined faces"),
     "coarse": (lambda h: h[::16, ::16], {"spacing": 0.16}, "coarser than the means"),
     "a hole": (lambda h: np.where(np.add(*np.indices(h.shape)) % 12, h, np.nan), {}, "missing: 8.3% of the points"),
+    "saturated": (lambda h: np.minimum(h, 0.0025), {}, "of its points have exactly its highest height"),
     "steep": (lambda h: h + np.random.default_rng(4).normal(0.0, 0.008, h.shape), {}, "its slope Sdq is"),
 }
 
@@ -438,7 +441,9 @@ def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
     face = rough_face(Settings().surface, "wheel", 5, (1.0, 1.0))
     np.save(tmp_path / "w.npy", face.heights)
     scan, told = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
-    assert told[0].startswith("no spacing is stated: taken to cover the face of 1 x 1 mm, its points 125 x 125 µm apart")
+    assert told[0].startswith(
+        "no spacing is stated: taken to cover the face of 1 x 1 mm, its points 125 x 125 µm apart"
+    )
     assert np.allclose(measured_face(scan, "wheel", 0, (1.0, 1.0)).resampled((9, 9)).heights, face.heights, atol=1e-15)
 
 
@@ -464,6 +469,8 @@ def test_settings_know_the_digest_and_the_folder(strip: ScanKeys, tmp_path: Path
     with pytest.raises(SurfaceError, match="its content is another than that with the digest"):
         rough_face(settings.surface, "axle", 3, (2.0, 1.0))
     for table, message in (
+        ({"axle": []}, r"surface\.axle: is empty"),
+        ({"axle": ""}, r"surface\.axle: is empty"),
         ({"axle": "none.sur"}, r"surface\.axle: none\.sur: cannot be read"),
         ({"bore": {"files": []}}, r"surface\.bore\.files: is empty"),
         ({"axle": {"files": ["a"], "unit": "ft"}}, "surface.axle.unit"),
@@ -577,4 +584,17 @@ def test_other_files_are_left_to_surface_topography(tmp_path: Path, monkeypatch:
     assert np.isnan(raw.heights).sum() == (np.arange(11000) % 7 == 6).sum()
     there.open_topography = lambda name: 1 / 0  # type: ignore[attr-defined]
     with pytest.raises(SurfaceError, match="does not read it"):
+        read_scan(path)
+
+    def binary(name: str) -> None:
+        raise ValueError("tried all: " + "\x00\x1b\ufffd\n" * 1000)
+
+    there.open_topography = binary  # type: ignore[attr-defined]
+    with pytest.raises(SurfaceError, match="does not read it") as caught:
+        read_scan(path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500
+    there.open_topography = lambda name: Found()  # type: ignore[attr-defined]
+    monkeypatch.setattr(Found, "_file_extensions", ["hgt"], raising=False)  # takes any square block of bytes
+    with pytest.raises(SurfaceError, match=r"it has no mark of a \.opd file, and would be taken for hgt"):
         read_scan(path)
