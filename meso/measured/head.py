@@ -15,7 +15,7 @@ from typing import NamedTuple
 from macrofit.base.errors import shortened
 from macrofit.base.units import LENGTHS, read_heading
 
-from .raw import ScanError, length_unit
+from .raw import ScanError, length_unit, unmangled
 
 _EXTENT = re.compile(r"rows along x = 0 \.\.\. ([\d.e+-]+) mm, \d+ columns along y = 0 \.\.\. ([\d.e+-]+) mm")
 """What `macrofit-meso surface` writes."""
@@ -97,7 +97,8 @@ def read_head(lines: Iterable[tuple[int, str]], decimal: str, shape: tuple[int, 
     units: dict[float, str] = {}
     spacings: dict[str, dict[float, str]] = {"x": {}, "y": {}}
     unclear: list[str] = []
-    for number, line in lines:
+    for number, written in lines:
+        line = unmangled(written)
         where = f"line {number}: '{shortened(line.strip())}'"
         try:
             for axis, apart in _spacings(line, decimal, shape).items():

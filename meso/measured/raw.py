@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from macrofit.base.arrays import FloatArray
@@ -54,6 +55,11 @@ def length_unit(written: str) -> float | None:
     if found is None:
         raise ScanError(f"unit '{shortened(written)}' is not one of length; known are {', '.join((*LENGTHS, *FINER))}")
     return found
+
+
+def unmangled(line: str) -> str:
+    """A line of text whose µ was read in an old code page, or lost, as it was meant."""
+    return re.sub(r"Âµ|Î¼|Â\?|[?\ufffd]+(?=m(?![^\W_]))", "µ", line)
 
 
 def _unmangled(written: str) -> str:

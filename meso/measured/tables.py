@@ -20,7 +20,7 @@ from .axes import without_axes
 from .clean import MOST_MISSING, MUCH_MISSING
 from .head import read_head, speaks
 from .keys import MOST_BYTES
-from .raw import RawScan, Remarks, ScanError, length_unit
+from .raw import RawScan, Remarks, ScanError, length_unit, unmangled
 
 NOT_MEASURED = {"nan", "bad", "-", "--", "---", "", "***", "n/a", "na", "#n/a", "inf", "-inf"}
 """What stands in a text in place of a height, in small letters."""
@@ -146,7 +146,7 @@ def read_points(path: Path) -> RawScan:
     for number, line, cells in table.rows():
         values = _values(table, cells)
         if line.startswith("#") or (not points and None in values):
-            head.append(line)
+            head.append(unmangled(line))
             continue
         if len(values) < width or None in values:
             raise ScanError(f"line {number}: is no point x, y, z: '{shortened(line[:60])}'")

@@ -131,6 +131,8 @@ def test_what_does_not_speak_of_the_spacing_says_nothing(line: str) -> None:
 HEIGHTS = {
     "heights [µm]": 1e-3,
     "heights in nm": 1e-6,
+    "heights in Âµm": 1e-3,
+    "heights in ?m": 1e-3,
     "z (mm)": 1.0,
     "z_um": 1e-3,
     "Höhen [µm]": 1e-3,
