@@ -76,26 +76,13 @@ def read_text(path: Path) -> RawScan:
         OutputError: it is no text.
     """
     table = read_text_table(path, MOST_BYTES)
-    rows: list[list[float]] = []
-    head: list[tuple[int, str]] = []
-    corner: list[float] = []  # the last line of the head, where all but its first cell are numbers
-    for number, line, cells in table.rows():
-        values = _values(table, cells)
-        if line.startswith("#") or (not rows and None in values):
-            head.append((number, line))
-            corner = [math.nan, *_numbers(values[1:])] if None not in values[1:] else []
-            continue
-        row = _numbers(values)
-        if len(row) < len(values):
-            raise ScanError(f"line {number}: is no row of heights: '{line[:60]}'")
-        if rows and len(row) != len(rows[0]):
-            raise ScanError(f"line {number}: has {len(row)} heights, those before it {len(rows[0])}")
-        if not rows and len(corner) == len(row) > 2:
-            rows.append(corner)
-        rows.append(row)
+    head, corner, rows = _parted(table)
     if not rows:
         raise ScanError("it is no table of heights: it has no row of numbers")
-    numbers = np.array(rows, dtype=np.float64)
+    whole = _whole(table, rows)
+    if len(corner) == len(whole[0]) > 2:
+        whole.insert(0, corner)
+    numbers = np.array(whole, dtype=np.float64)
     if _is_list(numbers):
         return read_points(path)
     heights, places, done = without_axes(numbers)
@@ -104,6 +91,41 @@ def read_text(path: Path) -> RawScan:
     said = read_head(head, table.style.decimal, heights.shape)
     spacing, assumed = (said.spacing, "") if places is None else _axes_apart(places, head, said.spacing)
     return RawScan(heights, said.unit, spacing, Remarks(done=done, unclear=said.unclear, assumed=assumed))
+
+
+def _parted(table: TextTable) -> tuple[list[tuple[int, str]], list[float], list[tuple[int, str, list[float]]]]:
+    """Head and rows of a table; and the last line of the head, where all but its first cell are numbers."""
+    head: list[tuple[int, str]] = []
+    corner: list[float] = []
+    rows: list[tuple[int, str, list[float]]] = []
+    for number, line, cells in table.rows():
+        values = _values(table, cells)
+        if line.startswith("#") or (not rows and None in values):
+            head.append((number, line))
+            corner = [math.nan, *_numbers(values[1:])] if None not in values[1:] else []
+            continue
+        row = _numbers(values)
+        if len(row) < len(values):
+            raise ScanError(f"line {number}: is no row of heights: '{shortened(line[:60])}'")
+        rows.append((number, line, row))
+    return head, corner, rows
+
+
+def _whole(table: TextTable, rows: list[tuple[int, str, list[float]]]) -> list[list[float]]:
+    """Rows of one length: cells that are empty at the end of a line, or all along it, were not measured.
+
+    Raises:
+        ScanError: a row has fewer cells than others.
+    """
+    width = max(len(row) for _, _, row in rows)
+    found: dict[int, list[float]] = {}
+    for number, line, row in rows:
+        if len(row) < width and table.style.width(line) < width:
+            raise ScanError(f"line {number}: has {len(row)} heights, others {width}")
+        found[number] = row + [math.nan] * (width - len(row))
+    first, last = rows[0][0], rows[-1][0]
+    found |= {number: [math.nan] * width for number in table.hollow if first < number < last}
+    return [found[number] for number in sorted(found)]
 
 
 def _axes_apart(

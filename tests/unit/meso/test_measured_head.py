@@ -309,3 +309,21 @@ def test_a_cast_is_turned_over(tmp_path: Path) -> None:
     found, cast = scan(path), scan(path, invert=True)
     assert np.allclose(cast.heights, -found.heights, atol=1e-15)
     assert "heights turned over (invert)" in cast.done
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("trailing", [False, True])
+def test_cells_left_empty_were_not_measured(tmp_path: Path, separator: str, trailing: bool) -> None:
+    """At the end of a line too, in the first one, and along a whole line."""
+    table = HEIGHTS_HERE.copy()
+    table[0, -2:] = table[7, 3] = table[9, -5:] = table[40] = np.nan
+    rows = [separator.join("" if z != z else f"{1e3 * z:.6f}" for z in row) for row in table.tolist()]
+    text = "".join(row + separator * trailing + "\n" for row in rows)
+    (tmp_path / "a.csv").write_text("% heights [µm]\n% x spacing = 10 µm; y spacing = 10 µm\n" + text)
+    raw = read_scan(tmp_path / "a.csv")
+    assert np.array_equal(np.isnan(raw.heights), np.isnan(table))
+    assert np.nanmax(np.abs(raw.heights - 1e3 * table)) < 1e-6
+    (tmp_path / "a.csv").write_text(text.replace(rows[20], rows[20].rpartition(separator)[0]))
+    if not trailing:
+        with pytest.raises(SurfaceError, match="line 21: has 119 heights, others 120"):
+            read_scan(tmp_path / "a.csv")
