@@ -275,6 +275,7 @@ def _flat_ends(heights: FloatArray) -> tuple[str, ...]:
     In whole steps many points share a height anyway: then more than `FLAT_OVER` times those of the next five steps.
     """
     found = []
+    heights = heights.ravel()[:: max(1, heights.size // 200_000)]
     for what, end in (("highest", np.fmax.reduce(heights, axis=None)), ("lowest", np.fmin.reduce(heights, axis=None))):
         count = int(np.count_nonzero(heights == end))
         if count <= FLAT_SHARE * heights.size:

@@ -19,7 +19,7 @@ Form: TypeAlias = Literal["none", "plane", "cylinder", "polynomial"]
 
 
 class ScanKeys(Keys, frozen=True):
-    """Measured face of one body: its files, what they do not say themselves, and how they are cleaned."""
+    """Measured face of one body, heights positive out of the metal: its files, what they do not say, how it is cleaned."""
 
     files: Annotated[tuple[str, ...], told("Files of heights; one strip, or patches."), msgspec.Meta(min_length=1)]
     use: Annotated[
@@ -37,7 +37,7 @@ class ScanKeys(Keys, frozen=True):
         Literal["x", "y"], told("Axis of the file that runs along the slide: x are the rows of a table's heights.")
     ] = "x"
     invert: Annotated[
-        bool, told("Heights turned over, where the file is of a cast (replica): here they rise out of the metal.")
+        bool, told("Heights turned over: the file is of a cast (replica), whose heights go into the metal.")
     ] = False
     remove: Annotated[Form, told("Form taken away: a plane, and the curvature across, or all of a degree.")] = (
         "cylinder"
