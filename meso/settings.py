@@ -96,6 +96,14 @@ class FaceKeys(Keys, frozen=True):
         given = self.axle if body == "axle" else self.bore
         return None if given is None else scan_keys(given)
 
+    def shared_files(self) -> list[str]:
+        """Files that are both faces, in words."""
+        axle, bore = self.measured("axle"), self.measured("wheel")
+        both = [] if axle is None or bore is None else [name for name in axle.files if name in bore.files]
+        return [
+            f"{name}: is the face of the axle and of the bore, which are then no independent faces" for name in both
+        ]
+
     def found(self) -> Self:
         """The same with the digests of the files of measured faces.
 

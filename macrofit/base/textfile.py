@@ -69,7 +69,7 @@ class Style:
         return f"separator {separator}, decimal sign '{self.decimal}'"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TextTable:
     """The lines of a table, none of them empty, and how their cells are written."""
 
@@ -100,7 +100,7 @@ def read_text_table(path: Path, most_bytes: int) -> TextTable:
         raise OutputError(f"{path}: is empty")
     if max(map(len, plain)) > LONGEST_LINE:
         raise OutputError(f"{path}: has a line of more than {LONGEST_LINE} characters; is it a table?")
-    return TextTable(path, encoding, find_style(plain), lines, hollow)
+    return TextTable(path=path, encoding=encoding, style=find_style(plain), lines=lines, hollow=hollow)
 
 
 def decode_text(data: bytes, path: Path) -> tuple[str, str]:

@@ -19,7 +19,7 @@ Form: TypeAlias = Literal["none", "plane", "cylinder", "polynomial"]
 
 
 class ScanKeys(Keys, frozen=True):
-    """Measured face of one body, heights positive out of the metal: its files, what they do not say, how it is cleaned."""
+    """Measured face of one body, heights positive out of the metal: files, what they do not say, how it is cleaned."""
 
     files: Annotated[tuple[str, ...], told("Files of heights; one strip, or patches."), msgspec.Meta(min_length=1)]
     use: Annotated[

@@ -146,7 +146,7 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     Raises:
         SurfaceError: a file that cannot be used, is too small, or not half as long as the body.
     """
-    found = shared_files(keys)
+    found = keys.shared_files()
     for body, count in counts.items():
         scan = keys.measured(body)
         if scan is None:
@@ -158,15 +158,6 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
         each = [(name, scan_of(scan, k)) for k, name in enumerate(scan.files)]
         found += [f"{name}: {line}" for name, file in each for line in (*file.made_up, *file.doubts)]
     return found
-
-
-def shared_files(keys: FaceKeys) -> list[str]:
-    """Files that are both faces, in words."""
-    axle, bore = keys.measured("axle"), keys.measured("wheel")
-    if axle is None or bore is None:
-        return []
-    both = [name for name in axle.files if name in bore.files]
-    return [f"{name}: is the face of the axle and of the bore, which are then no independent faces" for name in both]
 
 
 def place_doubts(keys: ScanKeys, seed: int, size: tuple[float, float]) -> tuple[str, ...]:
