@@ -75,7 +75,7 @@ def _table(pen: _Pen, heights: FloatArray, spacing: tuple[float, float]) -> OddT
     rng, found = pen.rng, OddText("a.csv", b"")
     lines = [str(rng.choice(HEIGHTS)).format(u=pen.unit)]
     table = heights / LENGTHS[pen.unit]
-    kind = rng.choice(["line", "places", "vague", "key"], p=[0.6, 0.2, 0.1, 0.1])
+    kind = rng.choice(["line", "places", "vague", "key", "nothing"], p=[0.5, 0.2, 0.1, 0.1, 0.1])
     if kind == "line":
         lines.append(_spacing_line(pen, spacing))
     elif kind == "places":
@@ -85,8 +85,10 @@ def _table(pen: _Pen, heights: FloatArray, spacing: tuple[float, float]) -> OddT
     elif kind == "vague":
         lines.append(str(rng.choice(VAGUE)).format(x=pen.number(spacing[0]), u="mm"))
         found.clear = False
-    else:
+    elif kind == "key":
         found.keys["spacing"] = spacing
+    else:
+        found.clear = False
     if rng.random() < 0.15:
         found.keys["unit"] = {"µm": "um"}.get(pen.unit, pen.unit)
         del lines[0]
