@@ -63,6 +63,10 @@ HINT = (
 )
 
 
+_SIZE = re.compile(rf"\W*(width|height)\s*[:=]\s*({_DIGITS})\s*([^\W\d_]+)\W*", re.IGNORECASE)
+"""Size of an image, as Gwyddion writes it."""
+
+
 class Head(NamedTuple):
     """What the head of a table says."""
 
@@ -94,6 +98,7 @@ def read_head(lines: Iterable[tuple[int, str]], decimal: str, shape: tuple[int, 
     Raises:
         ScanError: two lines contradict each other, or the heights have a unit that is none of length.
     """
+    lines = list(lines)
     units: dict[float, str] = {}
     spacings: dict[str, dict[float, str]] = {"x": {}, "y": {}}
     unclear: list[str] = []
@@ -111,6 +116,8 @@ def read_head(lines: Iterable[tuple[int, str]], decimal: str, shape: tuple[int, 
     for what, said in (("the unit of the heights", units), *(("the spacing", each) for each in spacings.values())):
         _agree(what, said)
     x, y = ([*each] for each in spacings.values())
+    if not (x or y or unclear) and (found := _from_size(lines, decimal, shape)) is not None:
+        return Head(next(iter(units), None), found, ())
     if bool(x) != bool(y):
         unclear.append(f"{next(iter((spacings['x'] or spacings['y']).values()))} says it along one axis alone")
     return Head(next(iter(units), None), (x[0], y[0]) if x and y else None, tuple(unclear))
@@ -191,6 +198,20 @@ def _stated(clause: str, decimal: str, shape: tuple[int, ...]) -> dict[str, floa
     if not all(0.0 < each < math.inf for each in apart) or len(apart) > (2 if axis is None else 1):
         raise _Unclear("is not one or two positive lengths")
     return {"x": apart[0], "y": apart[-1]} if axis is None else {axis: apart[0]}
+
+
+def _from_size(lines: list[tuple[int, str]], decimal: str, shape: tuple[int, ...]) -> tuple[float, float] | None:
+    """Spacings [mm] by the lines that say how wide and how high an image is; None where they are none of its points."""
+    said = [_SIZE.fullmatch(unmangled(line)) for _, line in lines]
+    sizes = {each.group(1).lower(): each.groups()[1:] for each in said if each is not None}
+    if len(sizes) < 2:
+        return None
+    try:
+        high, wide = (_number(number, decimal) * _known(unit) for number, unit in (sizes["height"], sizes["width"]))
+    except _Unclear:
+        return None
+    apart = high / shape[0], wide / shape[1]
+    return apart if 0.5 * apart[1] < apart[0] < 2.0 * apart[1] else None
 
 
 def _axis(before: str) -> str | None:

@@ -182,6 +182,15 @@ def scan(path: Path, **more: object) -> Scan:
     return scan_of(ScanKeys(files=(str(path),), use="face", **more), 0)  # type: ignore[arg-type]
 
 
+def test_the_size_of_an_image_says_the_spacing(tmp_path: Path) -> None:
+    """As Gwyddion writes it: rows run down the height. A height and a width of something else say nothing."""
+    head = "# Channel: Topography\n# Width: 1200 µm\n# Height: 1.3 mm\n# Value units: {}\n"
+    assert scan(written(tmp_path, head.format("um"))).spacing == pytest.approx((0.01, 0.01))
+    assert read_scan(written(tmp_path, head.format("m"))).unit == 1e3
+    assert read_scan(written(tmp_path, "# Width: 2 mm\n# Height: 3 µm\n")).spacing is None
+    assert read_scan(written(tmp_path, "# Width: 2 mm\n")).spacing is None
+
+
 @pytest.mark.parametrize("spacing", ["0.01 mm", "10 µm", "10000 nm", "0.00001 m"])
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_order_of_the_two_lines_does_not_matter(tmp_path: Path, spacing: str, turned: bool) -> None:
