@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from macrofit.base.errors import shortened
-from macrofit.base.units import LENGTHS, read_heading
+from macrofit.base.units import LENGTHS, OTHERS, read_heading
 
 from .raw import ScanError, length_unit, unmangled
 
@@ -153,7 +153,9 @@ def _unit(clause: str) -> float | None:
     if heading.unit in LENGTHS and (heights or bracketed):
         return LENGTHS[str(heading.unit)]
     strange = heading.strange or (heading.unit if bracketed and heading.unit not in (None, *LENGTHS) else None)
-    return length_unit(strange) if heights and strange is not None else None
+    if strange is not None and (heights or (bracketed and strange.lower() in OTHERS)):
+        return length_unit(strange)
+    return None
 
 
 def _spacings(line: str, decimal: str, shape: tuple[int, ...]) -> dict[str, float]:

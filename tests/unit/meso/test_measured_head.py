@@ -163,8 +163,9 @@ def test_lines_that_contradict_each_other_are_refused() -> None:
         with pytest.raises(SurfaceError, match=f"two things of {what}, line 1: .* and line 2: .*: take the wrong one"):
             read_head([(1, first), (2, other)], ".", SHAPE)
     assert read_head([(1, "spacing = 5 µm"), (2, "pixel size = 0.005 mm")], ".", SHAPE).spacing is not None
-    with pytest.raises(SurfaceError, match="unit 'µin' is not one of length"):
-        read_head([(1, "heights [µin]")], ".", SHAPE)
+    for line, unit in (("heights [µin]", "µin"), ("h [bar]", "bar"), ("z in V", "V")):
+        with pytest.raises(SurfaceError, match=f"unit '{unit}' is not one of length"):
+            read_head([(1, line)], ".", SHAPE)
 
 
 HEIGHTS_HERE = scans.textured(np.random.default_rng(3), (130, 120), (0.01, 0.01))
