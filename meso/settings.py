@@ -49,6 +49,8 @@ GENERATED = (
     "anisotropy",
 )  # fmt: skip
 """Keys of generated faces."""
+SHARED = "is the face of the axle and of the bore, which are then no independent faces"
+"""What is said of a file that is both."""
 
 
 class FaceKeys(Keys, frozen=True):

@@ -85,7 +85,7 @@ def _too_large(path: Path, size: str, most_bytes: int) -> str:
 def placed_names(given: Any, folder: Path) -> Any:
     """A file's name, several, or a table with `files`, made absolute: relative names begin in a folder."""
     if isinstance(given, str):
-        return str((folder / given).resolve())
+        return str((folder / given).resolve()) if given else given
     if isinstance(given, list | tuple):
         return [placed_names(each, folder) if isinstance(each, str) else each for each in given]
     if isinstance(given, Mapping) and "files" in given:

@@ -23,7 +23,7 @@ from ..measured.keys import ScanKeys
 from ..packing.pack import Packing
 from ..plates import Plates
 from ..records import UNBALANCED, Slide
-from ..settings import Settings
+from ..settings import SHARED, Settings
 from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
 from ..surfaces.measured import as_surface, place_doubts, scan_of
 from ..surfaces.roughness import Roughness, measure
@@ -182,7 +182,7 @@ def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str
     scan = keys.measured(body)
     if scan is None:
         return found
-    doubts = (*place_doubts(scan, seed, face.size), *(keys.shared_files() if body == "wheel" else ()))
+    doubts = (*place_doubts(scan, seed, face.size), *([SHARED] if body == "wheel" and keys.shared_files() else ()))
     return found | {"measured": scan_numbers(scan, doubts)}
 
 

@@ -29,7 +29,7 @@ from ..errors import SurfaceError
 from ..measured.clean import Scan, cleaned
 from ..measured.keys import ScanKeys, digest
 from ..measured.read import read_scan
-from ..settings import FaceKeys
+from ..settings import SHARED, FaceKeys
 from .gaussian import filtered
 from .surface import TILES, Body, Surface, generator
 
@@ -146,7 +146,7 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     Raises:
         SurfaceError: a file that cannot be used, is too small, or not half as long as the body.
     """
-    found = keys.shared_files()
+    found = [f"{name}: {SHARED}" for name in keys.shared_files()]
     for body, count in counts.items():
         scan = keys.measured(body)
         if scan is None:

@@ -17,7 +17,7 @@ from meso.errors import OutputError, SettingsError
 from meso.measured.keys import ScanKeys
 from meso.results.folder import prepare
 from meso.results.summary import roughness_line
-from meso.settings import decode
+from meso.settings import decode, load
 from meso.surfaces.surface import Surface
 from surrogate.cli import main as network
 
@@ -135,6 +135,15 @@ def test_one_file_for_both_faces_is_told(files: Path) -> None:
         warnings.simplefilter("always")
         build("surrogate", {"surface": {"axle": "a.csv", "bore": "a.csv"}}, context)
     assert any(message in str(each.message) for each in caught)
+    (files / "copy.csv").write_bytes((files / "a.csv").read_bytes())
+    assert decode({"surface": {"axle": "copy.csv", "bore": "a.csv"}}).surface.shared_files() == ["copy.csv"]
+    assert decode({"surface": {"axle": "b.csv", "bore": "a.csv"}}).surface.shared_files() == []
+
+
+def test_no_name_is_no_folder(files: Path) -> None:
+    (files / "s.toml").write_text('[surface]\naxle = ""\n')
+    with pytest.raises(SettingsError, match=r"^surface\.axle: is empty"):
+        load(files / "s.toml")
 
 
 def test_keys_of_generated_faces_are_refused_where_there_is_none(files: Path) -> None:
