@@ -99,12 +99,14 @@ class FaceKeys(Keys, frozen=True):
         return None if given is None else scan_keys(given)
 
     def shared_files(self) -> list[str]:
-        """Files that are both faces, in words."""
+        """Names of files that are both faces; `SHARED` says so."""
         axle, bore = self.measured("axle"), self.measured("wheel")
-        both = [] if axle is None or bore is None else [name for name in axle.files if name in bore.files]
-        return [
-            f"{name}: is the face of the axle and of the bore, which are then no independent faces" for name in both
-        ]
+        if axle is None or bore is None:
+            return []
+        there = {*bore.sha256, *(Path(name).resolve() for name in bore.files)}
+        digests = axle.sha256 or axle.files  # no name is a digest
+        known = zip(axle.files, digests, strict=True)
+        return [name for name, sha256 in known if sha256 in there or Path(name).resolve() in there]
 
     def found(self) -> Self:
         """The same with the digests of the files of measured faces.
