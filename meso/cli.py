@@ -302,13 +302,16 @@ def _with_files(settings: Settings, body: Body, keys: ScanKeys, size: tuple[floa
     from msgspec.structs import replace
 
     from .results.summary import scan_lines
-    from .surfaces.measured import covering, place_doubts
+    from .surfaces.measured import covering, pieces_of, place_doubts
 
     keys, doubts = covering(keys, size) if keys.use == "face" else (keys, ())
     surface = replace(settings.surface, **{"axle" if body == "axle" else "bore": keys}).found()
     for line in scan_lines(keys):
         click.echo(line)
-    for doubt in (*doubts, *place_doubts(keys, getattr(surface, f"{body}_seed"), size)):
+    seed = getattr(surface, f"{body}_seed")
+    for piece in pieces_of(keys, body, seed, size):
+        click.echo(f"Piece           {piece}")
+    for doubt in (*doubts, *place_doubts(keys, seed, size)):
         click.echo(f"Doubt           {doubt}")
     return replace(settings, surface=surface)
 

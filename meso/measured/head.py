@@ -84,7 +84,7 @@ class _Unclear(Exception):
 
 def speaks(name: str) -> bool:
     """Whether a name is that of a spacing."""
-    return _STATES.search(name) is not None or _SPEAKS.fullmatch(name) is not None
+    return _SPEAKS.search(name) is not None
 
 
 def read_head(lines: Iterable[tuple[int, str]], decimal: str, shape: tuple[int, ...]) -> Head:

@@ -237,22 +237,64 @@ class _Piece(NamedTuple):
     flipped: tuple[bool, bool]  # along, across
 
 
+def _laid(scans: list[Scan], body: Body, draw: int, start: float, end: float, width: float) -> dict[float, _Piece]:
+    """Pieces that lie on a strip between two places, by the place where each begins [mm]; and how long each is."""
+    long = _longest(scans, width)
+    pitch = (1.0 - BLEND) * long
+    numbers = range(floor((start - long) / pitch), floor(end / pitch) + 1)
+    return {number * pitch: _drawn(scans, body, draw, number, (long, width)) for number in numbers}
+
+
+def _longest(scans: list[Scan], width: float) -> float:
+    """Length of the pieces [mm]."""
+    return min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
+
+
+def pieces_of(keys: ScanKeys, body: Body, seed: int, size: tuple[float, float]) -> tuple[str, ...]:
+    """Which patches the seed has chosen for a tile, and where on them, in words; none where patches are not dealt.
+
+    Args:
+        keys: files, and what is done with them.
+        body: whose streams are taken.
+        seed: 65536 draw + tile.
+        size: length along the slide and width of the tile [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used.
+    """
+    length, width = size
+    if keys.use == "face" or is_strip(keys, width):
+        return ()
+    draw, tile = divmod(seed, TILES)
+    scans = [scan_of(keys, which) for which in range(len(keys.files))]
+    long, found = _longest(scans, width), []
+    for begin, laid in _laid(scans, body, draw, tile * width, tile * width + length, width).items():
+        low, high = max(0.0, begin - tile * width), min(length, begin + long - tile * width)
+        if low < high:
+            turned = [name for name, flipped in zip(("along", "across"), laid.flipped, strict=True) if flipped]
+            how = f", reflected {' and '.join(turned)}" if turned else ""
+            found.append(
+                f"{low:.3g} ... {high:.3g} mm of the tile: {keys.files[laid.which]} from {laid.place[0]:.3g} mm along "
+                f"and {laid.place[1]:.3g} mm across{how}"
+            )
+    return tuple(found)
+
+
 def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatArray) -> FloatArray:
     """Heights at places along a strip that is laid out of pieces of patches."""
     width = float(y[-1])
     scans = [scan_of(keys, which) for which in range(len(keys.files))]
     for scan, name in zip(scans, keys.files, strict=True):
         _check_width(scan, name, width, width)
-    piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
+    piece = _longest(scans, width)
     pitch = (1.0 - BLEND) * piece
     heights = np.zeros((len(x), len(y)))
-    for number in range(floor((x[0] - piece) / pitch), floor(x[-1] / pitch) + 1):
-        inside = np.flatnonzero((x >= number * pitch) & (x <= number * pitch + piece))
+    for begin, laid in _laid(scans, body, draw, float(x[0]), float(x[-1]), width).items():
+        inside = np.flatnonzero((x >= begin) & (x <= begin + piece))
         if not inside.size:
             continue
-        along = x[inside] - number * pitch
+        along = x[inside] - begin
         rise = np.clip(np.minimum(along, piece - along) / (piece - pitch), 0.0, 1.0)
-        laid = _drawn(scans, body, draw, number, (piece, width))
         heights[inside] += np.sin(0.5 * np.pi * rise)[:, None] * _read(scans[laid.which], laid, along, y, piece)
     return heights
 

@@ -12,7 +12,7 @@ from meso.errors import MesoError
 from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
-from meso.surfaces.measured import covering, place_doubts, scan_of
+from meso.surfaces.measured import covering, pieces_of, place_doubts, scan_of
 from meso.surfaces.surface import Body, Surface, heights_at
 
 from ..errors import PredictionError
@@ -124,7 +124,7 @@ def measured_face(
         doubts = (*assumed, *place_doubts(keys, seed, size), *(line for scan in scans for line in scan.doubts))
     except MesoError as error:
         raise PredictionError(str(error)) from None
-    done = tuple(line for scan in scans for line in scan.done)
+    done = (*(line for scan in scans for line in scan.done), *pieces_of(keys, body, seed, size))
     return sampled_heights(face, points), done, doubts
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import tomllib
 import zipfile
@@ -31,7 +32,7 @@ from meso.settings import FaceKeys, Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
 from meso.surfaces import measured as laying
 from meso.surfaces.face import rough_face
-from meso.surfaces.measured import as_surface, covering, doubts_of, measured_face, scan_of
+from meso.surfaces.measured import area_means, as_surface, covering, doubts_of, measured_face, pieces_of, scan_of
 from meso.surfaces.roughness import measure
 from meso.surfaces.surface import tile_seed
 from surrogate.network.predict import Predictor
@@ -412,6 +413,28 @@ def test_a_piece_is_reflected_in_both_directions(patches: ScanKeys) -> None:
     assert np.allclose(turned, straight[::-1], atol=1e-12)
     assert np.allclose(mirrored, straight[:, ::-1], atol=1e-12)
     assert not np.allclose(straight, straight[:, ::-1], atol=1e-4)
+
+
+def test_pieces_are_told_as_they_lie(patches: ScanKeys, strip: ScanKeys) -> None:
+    """Where a piece overlaps with no other and is not reflected, the face is the patch that is named for it."""
+    size, seen = (2.0, 1.0), 0
+    for tile in range(0, 300, 3):  # patches are as wide as a tile, so that a piece begins at 0 on its patch
+        face = measured_face(patches, "axle", tile_seed(1, tile), size).heights
+        told = pieces_of(patches, "axle", tile_seed(1, tile), size)
+        assert told[0].startswith("0 ... ")
+        assert " ... 2 mm of the tile: " in told[-1]
+        for line in told:
+            found = re.fullmatch(r"(\S+) \.\.\. (\S+) mm of the tile: (\S+) from 0 mm along and 0 mm across", line)
+            if found is None or float(found.group(2)) - float(found.group(1)) < 0.99:
+                continue
+            x = np.arange(33) / 16.0
+            alone = np.flatnonzero((x > float(found.group(1)) + 0.26) & (x < float(found.group(2)) - 0.26))
+            scan = scan_of(patches, patches.files.index(found.group(3)))
+            patch = area_means(scan, x[alone] - float(found.group(1)), np.arange(17) / 16.0, 1.0 / 16.0)
+            assert np.allclose(face[alone], patch, atol=1e-12)
+            seen += 1
+    assert seen > 5
+    assert pieces_of(strip, "axle", tile_seed(1, 2), size) == ()
 
 
 def test_each_patch_is_read_once_however_many_there_are(

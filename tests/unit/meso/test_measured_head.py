@@ -337,3 +337,13 @@ def test_cells_left_empty_were_not_measured(tmp_path: Path, separator: str, trai
     if not trailing:
         with pytest.raises(SurfaceError, match="line 21: has 119 heights, others 120"):
             read_scan(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("name", ["dx", "pixel_size", "step"])
+def test_an_array_that_speaks_of_the_spacing_is_never_dropped(tmp_path: Path, name: str) -> None:
+    np.savez(tmp_path / "a.npz", heights=HEIGHTS_HERE, **{name: 0.01})
+    with pytest.raises(SurfaceError, match=f"is not understood: its array '{name}' is not taken"):
+        scan(tmp_path / "a.npz")
+    assert f"its array '{name}' is not taken" in " ".join(scan(tmp_path / "a.npz", spacing=0.01).done)
+    np.savez(tmp_path / "b.npz", heights=HEIGHTS_HERE, spacing=0.01, **{name: 7.0})
+    assert scan(tmp_path / "b.npz").spacing == (0.01, 0.01)
