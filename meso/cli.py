@@ -10,15 +10,17 @@ import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
 from macrofit.base.errors import OutputError
+from macrofit.base.files import keep_inputs
 from macrofit.base.progress import announce, is_first_rank
 from macrofit.base.steel import POISSON_RATIO, YOUNGS_MODULUS
 
-from .measured.options import asked_scan, scan_options, take_options
+from .measured.options import asked_scan, refuse_idle_seed, scan_options, take_options
 from .presets import DEFAULT, PRESETS, presets_line
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from .measured.keys import ScanKeys
     from .settings import Settings
     from .surfaces.surface import Body
 
@@ -152,15 +154,21 @@ def surface(
 
     for target in targets:
         check_surface_file(target)
-    scan = take_options(given)
+    keep_inputs(targets, files)
+    scan = take_options(given, "--file", bool(files), not files)
+    if len(files) > 1 and scan["use"] == "face":
+        scan["use"] = "patches"
+    keys = asked_scan(files, scan) if files else None
+    if keys is not None:
+        refuse_idle_seed(keys, "--seed", seed)
     if seed is not None:
         given[f"{body}_seed"] = seed
     more = [f"surface.{key}={value}" for key, value in given.items() if value is not None]
     resolved = _load(None, (*overrides, *more), preset)
     edge, slide = resolved.plates.edge, resolved.load.slide
     size = (edge, edge) if body == "wheel" else (edge + slide, edge)
-    if files:
-        resolved = _with_files(resolved, body, files, scan, size)
+    if keys is not None:
+        resolved = _with_files(resolved, body, keys, size)
     face = rough_face(resolved.surface, body, getattr(resolved.surface, f"{body}_seed"), size)
     nx, ny = face.shape
     click.echo(f"Surface         of the {body}, {face.size[0]:g} x {face.size[1]:g} mm, {nx} x {ny} points")
@@ -289,22 +297,22 @@ def calibrate(
     click.echo(f"Files           {folder}")
 
 
-def _with_files(
-    settings: Settings, body: Body, files: tuple[Path, ...], options: dict[str, Any], size: tuple[float, float]
-) -> Settings:
+def _with_files(settings: Settings, body: Body, keys: ScanKeys, size: tuple[float, float]) -> Settings:
     """The settings with a measured face of a body, once it is shown what its files hold."""
     from msgspec.structs import replace
 
     from .results.summary import scan_lines
-    from .surfaces.measured import covering
+    from .surfaces.measured import covering, pieces_of, place_doubts
 
-    if len(files) > 1 and options["use"] == "face":
-        options = {**options, "use": "patches"}
-    keys = asked_scan(files, options)
-    keys = covering(keys, size) if keys.use == "face" else keys
+    keys, doubts = covering(keys, size) if keys.use == "face" else (keys, ())
     surface = replace(settings.surface, **{"axle" if body == "axle" else "bore": keys}).found()
     for line in scan_lines(keys):
         click.echo(line)
+    seed = getattr(surface, f"{body}_seed")
+    for piece in pieces_of(keys, body, seed, size):
+        click.echo(f"Piece           {piece}")
+    for doubt in (*doubts, *place_doubts(keys, seed, size)):
+        click.echo(f"Doubt           {doubt}")
     return replace(settings, surface=surface)
 
 

@@ -20,7 +20,7 @@ from macrofit.base.toml import dump_toml, errors_as, read_toml, set_key, split_o
 from .errors import SettingsError
 from .material import Beams, ExternalFace, ExternalModulus, Material, PlateModulus
 from .measured.keys import Measured, ScanKeys, scan_keys
-from .presets import DEFAULT, on_preset
+from .presets import DEFAULT, PRESETS, on_preset
 
 EngineName = Literal["auto", "quasi-static", "explicit"]
 SPEED = 20_000.0
@@ -42,6 +42,15 @@ POINTS_OF_A_GROOVE = 4
 """Least number of spacings in a groove [-]."""
 MOST_POINTS_OF_A_ROLL_OFF = 2048
 """Largest number of spacings in a roll-off wavelength: the transforms of longer ones fill the memory [-]."""
+
+
+GENERATED = (
+    "generator", "levels", "max_height", "rms_height", "hurst_exponent", "roll_off", "lay", "feed", "groove_depth",
+    "anisotropy",
+)  # fmt: skip
+"""Keys of generated faces."""
+SHARED = "is the face of the axle and of the bore, which are then no independent faces"
+"""What is said of a file that is both."""
 
 
 class FaceKeys(Keys, frozen=True):
@@ -89,6 +98,16 @@ class FaceKeys(Keys, frozen=True):
         given = self.axle if body == "axle" else self.bore
         return None if given is None else scan_keys(given)
 
+    def shared_files(self) -> list[str]:
+        """Names of files that are both faces; `SHARED` says so."""
+        axle, bore = self.measured("axle"), self.measured("wheel")
+        if axle is None or bore is None:
+            return []
+        there = {*bore.sha256, *(Path(name).resolve() for name in bore.files)}
+        digests = axle.sha256 or axle.files  # no name is a digest
+        known = zip(axle.files, digests, strict=True)
+        return [name for name, sha256 in known if sha256 in there or Path(name).resolve() in there]
+
     def found(self) -> Self:
         """The same with the digests of the files of measured faces.
 
@@ -107,9 +126,10 @@ class FaceKeys(Keys, frozen=True):
         """Check that the grid of a face of this width [mm] holds what is asked for.
 
         Raises:
-            SettingsError: grooves too narrow for it, or a roll-off too long.
+            SettingsError: grooves too narrow for it, or a roll-off too long; a key of generated faces where none is.
         """
         if self.axle is not None and self.bore is not None:
+            self._check_idle()
             return
         whole = self.generator == "diamond_square"
         cells = 2**self.levels if whole else max(2, round(width * 2**self.levels))  # across the width
@@ -123,6 +143,16 @@ class FaceKeys(Keys, frozen=True):
                 f"surface.roll_off = {self.roll_off:g} mm is more than {MOST_POINTS_OF_A_ROLL_OFF} spacings of "
                 f"{width / cells:g} mm: take a shorter one or fewer surface.levels"
             )
+
+    def _check_idle(self) -> None:
+        """Refuse keys of generated faces where both come from files; those of a preset are nobody's."""
+        for key in GENERATED:
+            value = getattr(self, key)
+            presets = [preset.tables.get("surface", {}).get(key) for preset in PRESETS.values()]
+            if value not in (getattr(FaceKeys(), key), *presets):
+                raise SettingsError(
+                    f"surface.{key} = {value!r} is for generated faces, and both come from files: leave it out"
+                )
 
 
 def _digested(key: str, keys: ScanKeys) -> ScanKeys:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from macrofit.base.commands import FILE, INTERRUPTED, SETTINGS, Commands, complain, few_threads, set_option
+from macrofit.base.files import keep_inputs
 from macrofit.base.progress import announce, launched
-from meso.measured.options import asked_scan, scan_options, take_options
+from meso.measured.options import asked_scan, refuse_idle_seed, scan_options, take_options
 from meso.presets import DEFAULT, PRESETS, on_preset, presets_line
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from macrofit.base.farm import Farm
+    from meso.measured.keys import ScanKeys
 
     from .network.checkpoint import Control
     from .network.shipped import Shipped
@@ -320,8 +322,12 @@ def evaluate(
 @click.option("--wheel", type=FILE, metavar="FILE", help="Measured face of the wheel, 1 x 1 mm (docs/surfaces.md).")
 @click.option("--axle", type=FILE, metavar="FILE", help="Measured face of the axle, 2 x 1 mm.")
 @scan_options
-@click.option("--wheel-seed", type=click.IntRange(0), default=1, show_default=True, help="Where no file is given.")
-@click.option("--axle-seed", type=click.IntRange(0), default=2, show_default=True, help="Where no file is given.")
+@click.option(
+    "--set-wheel", multiple=True, metavar="KEY=VALUE", help="For the wheel's file alone, such as spacing=0.01."
+)
+@click.option("--set-axle", multiple=True, metavar="KEY=VALUE", help="For the axle's file alone, such as unit=um.")
+@click.option("--wheel-seed", type=click.IntRange(0), help="Of a generated face, or the place on a strip [1].")
+@click.option("--axle-seed", type=click.IntRange(0), help="Of a generated face, or the place on a strip [2].")
 @click.option("--max-height", type=float, help="Range R of the random heights [mm] [0.02, or the preset's].")
 @click.option("--levels", type=int, help="Subdivisions: 2^n + 1 points along 1 mm [3, or the preset's].")
 @click.option("--hurst-exponent", type=float, help="From 0 (rough) to 1 (smooth) [0.8, or the preset's].")
@@ -346,6 +352,8 @@ def predict(
     control: Control | None,
     wheel: Path | None,
     axle: Path | None,
+    set_wheel: tuple[str, ...],
+    set_axle: tuple[str, ...],
     device: str,
     **surface: Any,
 ) -> None:
@@ -365,8 +373,10 @@ def predict(
 
     if target is not None and target.suffix.lower() not in (".png", ".csv"):
         raise click.UsageError(f"--output {target}: give a name that ends in .png or .csv")
-    scan = take_options(surface)
-    files = {"axle": axle and asked_scan(axle, scan), "bore": wheel and asked_scan(wheel, scan)}
+    keep_inputs([target] if target else [], [file for file in (axle, wheel) if file is not None])
+    scan = take_options(surface, "--axle or --wheel", bool(axle or wheel), not (axle and wheel))
+    given = {"axle": (axle, set_axle), "wheel": (wheel, set_wheel)}
+    files = {"axle" if body == "axle" else "bore": _own_keys(body, *given[body], scan, surface) for body in given}
     tables = on_preset(preset, {"surface": {key: value for key, value in surface.items() if value is not None}})
     keys = replace(decode({"surface": tables["surface"]}).surface, **files)
     predictor = Predictor(network_file(network, SHIPPED[preset]), device)
@@ -380,6 +390,19 @@ def predict(
     if target is not None:
         write_prediction(pair, target)
         click.echo(f"Wrote           {target}")
+
+
+def _own_keys(
+    body: str, file: Path | None, own: tuple[str, ...], shared: dict[str, Any], surface: dict[str, Any]
+) -> ScanKeys | None:
+    """The keys of a body's file, those of both files and its own; None where its face is generated."""
+    if file is None:
+        if own:
+            raise click.UsageError(f"--set-{body}: is for the file of the {body}: leave it out, or give --{body}")
+        return None
+    keys = asked_scan(file, shared, own, f"--set-{body}")
+    refuse_idle_seed(keys, f"--{body}-seed", surface[f"{body}_seed"])
+    return keys
 
 
 @main.command()

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from macrofit.base.arrays import FloatArray, HeightArray
-from meso.settings import FaceKeys, SurfaceKeys
+from meso.settings import SHARED, FaceKeys, SurfaceKeys
 
 from .data.faces import generated_face, measured_face, rms_height
 from .errors import PredictionError
@@ -127,7 +127,7 @@ def _faces(about: Provenance, surface: SurfaceKeys) -> tuple[list[HeightArray], 
     """The faces of both bodies; what of those from files was never seen, what may be wrong with them, what was done."""
     faces: list[HeightArray] = []
     findings: list[str] = []
-    doubts: list[str] = []
+    doubts = [f"{name}: {SHARED}" for name in surface.shared_files()]
     done: list[str] = []
     seeds: dict[Body, int] = {"wheel": surface.wheel_seed, "axle": surface.axle_seed}
     for body, seed in seeds.items():

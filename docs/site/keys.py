@@ -44,7 +44,8 @@ TABLES = {
 }  # fmt: skip
 PROVIDERS = {"uniform": Uniform, "surrogate": Surrogate, "dem": DirectDem, "table": Table, "evolving": Evolving}
 PLATES = {
-    "SurfaceKeys": "surface", "PlateKeys": "plates", "Material": "material", "Beams": "beams",
+    "SurfaceKeys": "surface", "ScanKeys": "surface.axle]`, `[surface.bore", "PlateKeys": "plates",
+    "Material": "material", "Beams": "beams",
     "ContactKeys": "contact", "LoadKeys": "load", "EngineKeys": "engine", "Breakage": "engine.breakage",
 }  # fmt: skip
 SIGNS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}

@@ -34,6 +34,6 @@ def nearest(word: str, known: Iterable[str], listed: str = "known", also: Iterab
 
 
 def shortened(text: object) -> str:
-    """What another library says of a file, on one line and cut where it repeats too much of what is in it."""
-    line = " ".join(str(text).split())
+    """What another library says of a file, on one printable line and cut where it repeats too much of what is in it."""
+    line = "".join(sign if sign.isprintable() else "?" for sign in " ".join(str(text).split()))
     return line if len(line) <= LONGEST else f"{line[:LONGEST]} ..."

@@ -8,7 +8,7 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -85,12 +85,24 @@ def _too_large(path: Path, size: str, most_bytes: int) -> str:
 def placed_names(given: Any, folder: Path) -> Any:
     """A file's name, several, or a table with `files`, made absolute: relative names begin in a folder."""
     if isinstance(given, str):
-        return str((folder / given).resolve())
+        return str((folder / given).resolve()) if given else given
     if isinstance(given, list | tuple):
         return [placed_names(each, folder) if isinstance(each, str) else each for each in given]
     if isinstance(given, Mapping) and "files" in given:
         return {**given, "files": placed_names(given["files"], folder)}
     return given
+
+
+def keep_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse to write over what is read.
+
+    Raises:
+        OutputError: an output is one of the inputs, by this name or another.
+    """
+    read = {path.resolve() for path in inputs}
+    for target in targets:
+        if target.resolve() in read:
+            raise OutputError(f"{target}: is read by this command, and would be written over: give -o another name")
 
 
 def in_bytes(size: int) -> str:

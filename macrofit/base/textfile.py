@@ -51,6 +51,10 @@ class Style:
             found.pop()
         return found
 
+    def width(self, line: str) -> int:
+        """How many cells a line has, empty ones at its end too."""
+        return len(self.cells(line)) if self.separator == " " else len(self.cells(line + "0"))
+
     def number(self, cell: str) -> float | None:
         """The number in a cell; None where it is none."""
         if not _pattern(self.decimal, self.groups).fullmatch(cell):
@@ -65,7 +69,7 @@ class Style:
         return f"separator {separator}, decimal sign '{self.decimal}'"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TextTable:
     """The lines of a table, none of them empty, and how their cells are written."""
 
@@ -73,6 +77,7 @@ class TextTable:
     encoding: str
     style: Style
     lines: tuple[tuple[int, str], ...]  # number and text; comments keep their sign
+    hollow: tuple[int, ...] = ()  # numbers of lines with separators alone, which are not among these
 
     def rows(self) -> Iterator[tuple[int, str, list[str]]]:
         """Number, text and cells of each line."""
@@ -87,14 +92,15 @@ def read_text_table(path: Path, most_bytes: int) -> TextTable:
         OutputError: it cannot be read, is no text, is empty, or commas are separators and decimal signs at once.
     """
     text, encoding = decode_text(read_regular(path, most_bytes), path)
-    numbered = enumerate(re.split(r"\r\n|\r|\n", text), start=1)
-    lines = tuple((number, line.strip(" \f\v")) for number, line in numbered if line.strip(" \t\f\v;,|"))
+    numbered = [(number, line.strip(" \f\v")) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)]
+    lines = tuple((number, line) for number, line in numbered if line.strip(" \t\f\v;,|"))
+    hollow = tuple(number for number, line in numbered if line and not line.strip(" \t\f\v;,|"))
     plain = [line for _, line in lines if not line.startswith("#")]
     if not plain:
         raise OutputError(f"{path}: is empty")
     if max(map(len, plain)) > LONGEST_LINE:
         raise OutputError(f"{path}: has a line of more than {LONGEST_LINE} characters; is it a table?")
-    return TextTable(path, encoding, find_style(plain), lines)
+    return TextTable(path=path, encoding=encoding, style=find_style(plain), lines=lines, hollow=hollow)
 
 
 def decode_text(data: bytes, path: Path) -> tuple[str, str]:
@@ -128,6 +134,8 @@ def find_style(lines: list[str]) -> Style:
                 continue
             style = Style(separator, decimal, groups)
             score = _score(style, sample)
+            if separator == " " and 0 < score[0] <= most[0]:
+                continue  # a blank parts what another sign parts too; sentences in the head do not decide
             if score > most:
                 best, most = style, score
     return best

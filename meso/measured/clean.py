@@ -10,6 +10,7 @@ import numpy as np
 from macrofit.base.arrays import BoolArray, FloatArray
 
 from ..errors import SurfaceError
+from .head import HINT
 from .keys import ScanKeys
 from .raw import RawScan, length_unit
 
@@ -37,6 +38,8 @@ COARSE = 2.01
 """Spacing over that of the means above which a scan is doubted [-]; generated faces have twice theirs."""
 STEEPEST = 1.0
 """Sdq above this is doubted [-]."""
+FLAT_SHARE, FLAT_OVER = 0.01, 10.0
+"""Share of points with exactly the highest or lowest height above which a scan is doubted, and over others' [-]."""
 SAMPLE = 1000
 """Points along each axis, at most, from which slopes and usual distances are taken."""
 
@@ -74,6 +77,7 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
     """
     scan = _cropped(_in_mm(raw, keys))
     heights, missing = scan.heights, ~np.isfinite(scan.heights)
+    flat = _flat_ends(heights)
     if missing.mean() > MOST_MISSING:
         raise SurfaceError(f"{missing.mean():.0%} of its points are missing: take less than {MOST_MISSING:.0%}")
     heights = filled(heights, missing)
@@ -84,7 +88,7 @@ def cleaned(raw: RawScan, keys: ScanKeys) -> Scan:
         heights=rest,
         done=(*scan.done, *made_up, _levelled(keys)),
         made_up=made_up,
-        doubts=(*scan.doubts, *_much("missing", missing, MUCH_MISSING), *_much("spikes", spikes, MANY_SPIKES)),
+        doubts=(*scan.doubts, *flat, *_much("missing", missing, MUCH_MISSING), *_much("spikes", spikes, MANY_SPIKES)),
     )
     return _plausible(scan, keys, raw.unit is not None)
 
@@ -93,31 +97,48 @@ def _in_mm(raw: RawScan, keys: ScanKeys) -> Scan:
     """Unit, spacing and the axis along the slide applied; a contradiction with the keys is refused."""
     if raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
         shape = " x ".join(map(str, raw.heights.shape))
-        raise SurfaceError(f"it holds {shape} numbers: a surface takes at least 2 x 2 points")
+        raise SurfaceError(
+            f"it holds {shape} numbers: a surface takes at least 2 x 2 points; is it a profile? measure an area, 2 mm "
+            "along the axle and 1 mm across or more"
+        )
     asked = None if keys.unit is None else length_unit(keys.unit)
     if asked is not None and raw.unit is not None and not math.isclose(asked, raw.unit):
-        raise SurfaceError(f"unit = '{keys.unit}' is asked for, and the file says another one: leave the key out")
+        raise SurfaceError(
+            f"unit = '{keys.unit}' is asked for, and the file says another one: leave the key out for this file"
+        )
     unit = raw.unit if raw.unit is not None else asked
     given = keys.spacings
-    heights, said = raw.heights, raw.spacing
+    heights, remarks = raw.heights, raw.remarks
+    said = None if given is not None and remarks.assumed else raw.spacing
     if keys.along == "y":
         heights, said = heights.T, None if said is None else (said[1], said[0])
     if said is not None and given is not None and not np.allclose(said, given, rtol=0.01):
         raise SurfaceError(
             f"spacing = {given[0]:g}, {given[1]:g} mm is asked for, and the file says {said[0]:g}, {said[1]:g} mm: "
-            "leave the key out"
+            "leave the key out for this file"
         )
     spacing = said if said is not None else given
     if spacing is None:
-        raise SurfaceError("the distance of its points is not known: give it as the key spacing [mm]")
+        raise SurfaceError(no_spacing(raw))
     for step, count in zip(spacing, heights.shape, strict=True):
         if not FINEST <= step <= COARSEST or step * count > LONGEST:
             raise SurfaceError(
                 f"{count} points {step:g} mm apart are no scan of a machined face (spacings of {FINEST:g} to "
                 f"{COARSEST:g} mm, at most {LONGEST:g} mm long): spacing is in mm; is it in m or µm?"
             )
-    assumed = () if unit is not None else ("heights taken for mm: no unit was given",)
-    return Scan(heights=heights * (1.0 if unit is None else unit), spacing=spacing, done=assumed)
+    done = [*remarks.done, *(f"not taken for the spacing: {line}" for line in remarks.unclear)]
+    done += [remarks.assumed] if said is not None and remarks.assumed else []
+    done += ["heights taken for mm: no unit was given"] if unit is None else []
+    done += ["heights turned over (invert)"] if keys.invert else []
+    scale = (1.0 if unit is None else unit) * (-1.0 if keys.invert else 1.0)
+    return Scan(heights=heights * scale, spacing=spacing, done=tuple(done), doubts=remarks.doubts)
+
+
+def no_spacing(raw: RawScan) -> str:
+    """Why the distance of a file's points is not known, and what to do."""
+    if raw.remarks.unclear:
+        return f"the distance of its points is not understood: {raw.remarks.unclear[0]}; {HINT}"
+    return "the distance of its points is not known: give it as the key spacing [mm], or in the head of a table"
 
 
 def _cropped(scan: Scan) -> Scan:
@@ -159,7 +180,10 @@ def without_form(heights: FloatArray, keys: ScanKeys) -> FloatArray:
         return heights
     degree = keys.degree if keys.remove == "polynomial" else 2
     if min(heights.shape) <= degree:
-        raise SurfaceError(f"{heights.shape[0]} x {heights.shape[1]} points are too few for remove = '{keys.remove}'")
+        raise SurfaceError(
+            f"{heights.shape[0]} x {heights.shape[1]} points are too few for remove = '{keys.remove}': are they some "
+            "profiles, or a list of points? a surface has as many points across; or take remove = 'plane'"
+        )
     bases = [_polynomials(count, degree) for count in heights.shape]
     moments = bases[0].T @ heights @ bases[1]
     i, j = np.indices(moments.shape)
@@ -243,6 +267,27 @@ def _mended(what: str, places: BoolArray) -> tuple[str, ...]:
 
 def _much(what: str, places: BoolArray, limit: float) -> tuple[str, ...]:
     return (f"{what}: {places.mean():.1%} of the points, more than {limit:.0%}",) if places.mean() > limit else ()
+
+
+def _flat_ends(heights: FloatArray) -> tuple[str, ...]:
+    """Whether many points have exactly the highest or the lowest height, as where an instrument's range ends.
+
+    In whole steps many points share a height anyway: then more than `FLAT_OVER` times those of the next five steps.
+    """
+    found = []
+    heights = heights.ravel()[:: max(1, heights.size // 200_000)]
+    for what, end in (("highest", np.fmax.reduce(heights, axis=None)), ("lowest", np.fmin.reduce(heights, axis=None))):
+        count = int(np.count_nonzero(heights == end))
+        if count <= FLAT_SHARE * heights.size:
+            continue
+        values, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
+        next_to = counts[-6:-1] if what == "highest" else counts[1:6]
+        if len(values) > 2 and count > FLAT_OVER * next_to.mean():
+            found.append(
+                f"{count / heights.size:.1%} of its points have exactly its {what} height: did the range of the "
+                "instrument end there?"
+            )
+    return tuple(found)
 
 
 def _levelled(keys: ScanKeys) -> str:

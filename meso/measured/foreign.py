@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from macrofit.base.errors import shortened
+
 from .raw import RawScan, ScanError, length_unit
 
 SUFFIXES = (
@@ -14,6 +16,10 @@ SUFFIXES = (
     ".nc", ".mat", ".h5", ".stp", ".jpk", ".qep",
 )  # fmt: skip
 """Suffixes of files that are left to it."""
+
+
+MARKLESS = {"hgt", "asc", "txt", "csv", "xyz"}
+"""Suffixes of kinds without a mark of their own, whose readers take other files too: any block of bytes, as heights."""
 
 
 def read_foreign(path: Path) -> RawScan:
@@ -31,11 +37,16 @@ def read_foreign(path: Path) -> RawScan:
         ) from None
     try:
         with open_topography(str(path)) as reader:
+            kinds = set(getattr(reader, "_file_extensions", None) or ())
+            if kinds & MARKLESS:
+                raise ValueError(
+                    f"it has no mark of a {path.suffix} file, and would be taken for {', '.join(sorted(kinds))}"
+                )
             found = reader.topography()
         heights = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
         sizes, unit = found.physical_sizes, found.unit
     except Exception as error:  # whatever a stranger's reader raises at a stranger's file
-        raise ScanError(f"SurfaceTopography does not read it ({type(error).__name__}: {error})") from None
+        raise ScanError(f"SurfaceTopography does not read it ({type(error).__name__}: {shortened(error)})") from None
     if heights.ndim != 2:
         raise ScanError("it is a line, no surface")
     scale = None if unit is None else length_unit(unit)

@@ -19,7 +19,7 @@ Form: TypeAlias = Literal["none", "plane", "cylinder", "polynomial"]
 
 
 class ScanKeys(Keys, frozen=True):
-    """Measured face of one body: its files, what they do not say themselves, and how they are cleaned."""
+    """Measured face of one body, heights positive out of the metal: files, what they do not say, how it is cleaned."""
 
     files: Annotated[tuple[str, ...], told("Files of heights; one strip, or patches."), msgspec.Meta(min_length=1)]
     use: Annotated[
@@ -36,6 +36,9 @@ class ScanKeys(Keys, frozen=True):
     along: Annotated[
         Literal["x", "y"], told("Axis of the file that runs along the slide: x are the rows of a table's heights.")
     ] = "x"
+    invert: Annotated[
+        bool, told("Heights turned over: the file is of a cast (replica), whose heights go into the metal.")
+    ] = False
     remove: Annotated[Form, told("Form taken away: a plane, and the curvature across, or all of a degree.")] = (
         "cylinder"
     )
@@ -62,7 +65,9 @@ class ScanKeys(Keys, frozen=True):
         return msgspec.structs.replace(self, sha256=tuple(digest(Path(name)) for name in self.files))
 
 
-Measured: TypeAlias = str | tuple[str, ...] | ScanKeys
+Measured: TypeAlias = (
+    Annotated[str, msgspec.Meta(min_length=1)] | Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] | ScanKeys
+)
 
 
 def digest(path: Path) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from macrofit.base.arrays import FloatArray
-from macrofit.base.files import replacing, starts_with, write_json, write_text, writing
+from macrofit.base.files import keep_inputs, replacing, starts_with, write_json, write_text, writing
 
 from ..errors import OutputError
 from ..records import Breaks, Curve, Slide
@@ -45,8 +45,11 @@ def prepare(folder: Path, settings: Settings) -> None:
             raise OutputError(
                 f"{folder}: is not empty and holds no run of macrofit-meso; choose another folder with -o"
             )
-        stale = [folder / name for name in (SUMMARY, CURVE, SQUEEZE, DATA, *FIGURES)]
-        for path in (*stale, *folder.glob("curve_*.csv"), *folder.glob("breaks_*.csv")):
+        names = (SUMMARY, CURVE, SQUEEZE, DATA, *FIGURES)
+        stale = [*(folder / name for name in names), *folder.glob("curve_*.csv"), *folder.glob("breaks_*.csv")]
+        faces = [settings.surface.measured(body) for body in ("wheel", "axle")]
+        keep_inputs(stale, [Path(name) for keys in faces if keys is not None for name in keys.files])
+        for path in stale:
             path.unlink(missing_ok=True)
     write_text(folder / SETTINGS, MARK + dump(settings))
 

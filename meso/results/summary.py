@@ -23,9 +23,9 @@ from ..measured.keys import ScanKeys
 from ..packing.pack import Packing
 from ..plates import Plates
 from ..records import UNBALANCED, Slide
-from ..settings import Settings
+from ..settings import SHARED, Settings
 from ..surfaces.filtered import CUTOFF, SECTIONS, filtered, measured_length, profile
-from ..surfaces.measured import as_surface, scan_of
+from ..surfaces.measured import as_surface, place_doubts, scan_of
 from ..surfaces.origin import roughness_numbers, scan_numbers, with_units
 from ..surfaces.roughness import Roughness, measure
 from ..surfaces.surface import Body, Surface
@@ -174,7 +174,10 @@ def body_roughness(settings: Settings, body: Body, packing: Packing) -> dict[str
     envelope = roughness_numbers(packing.inner_envelope)
     found = roughness_numbers(face) | {"profile": along | {"cutoff_mm": CUTOFF}, "envelope": envelope}
     scan = keys.measured(body)
-    return found if scan is None else found | {"measured": scan_numbers(scan)}
+    if scan is None:
+        return found
+    doubts = (*place_doubts(scan, seed, face.size), *([SHARED] if body == "wheel" and keys.shared_files() else ()))
+    return found | {"measured": scan_numbers(scan, doubts)}
 
 
 def scan_lines(keys: ScanKeys) -> list[str]:
@@ -301,9 +304,16 @@ def _verdict(each: dict[str, Any]) -> str:
 def roughness_line(surface: Surface) -> str:
     """Measures of a rough face for people, on one line."""
     r: Roughness = measure(surface)
-    hurst = f"{r.hurst_exponent:.2f}" if np.isfinite(r.hurst_exponent) else "not known on so few points"
+    hurst = _hurst(r.hurst_exponent)
     heights = ", ".join(f"{name} {1e3 * getattr(r, name):.3g} µm" for name in ("Sa", "Sq", "Sz"))
     return f"{heights}, Sdq {r.Sdq:.3g}, Hurst exponent {hurst}"
+
+
+def _hurst(exponent: float) -> str:
+    """The exponent in words where it is none: grooves and noise have no slope of a self-affine surface."""
+    if not np.isfinite(exponent):
+        return "not known on so few points"
+    return f"{exponent:.2f}" if 0.0 <= exponent <= 1.0 else "none (not self-affine)"
 
 
 def filtered_line(surface: Surface) -> str:

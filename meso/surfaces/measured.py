@@ -29,7 +29,7 @@ from ..errors import SurfaceError
 from ..measured.clean import Scan, cleaned
 from ..measured.keys import ScanKeys, digest
 from ..measured.read import read_scan
-from ..settings import FaceKeys
+from ..settings import SHARED, FaceKeys
 from .gaussian import filtered
 from .surface import TILES, Body, Surface, generator
 
@@ -79,6 +79,11 @@ def _scan(keys: ScanKeys, which: int) -> Scan:
         raise SurfaceError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     if keys.filter is None:
         return scan
+    if keys.filter > max(scan.size):
+        raise SurfaceError(
+            f"{path}: filter = {keys.filter:g} mm is longer than its {scan.size[0]:.4g} x {scan.size[1]:.4g} mm, and "
+            "takes nothing away: take a shorter cut-off, such as 0.8, or leave it out"
+        )
     rest = filtered(as_surface(scan), keys.filter).heights
     done = (*scan.done, f"waves above {keys.filter:g} mm filtered out (Gaussian)")
     return replace(scan, heights=rest, done=done)
@@ -141,7 +146,7 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     Raises:
         SurfaceError: a file that cannot be used, is too small, or not half as long as the body.
     """
-    found = []
+    found = [f"{name}: {SHARED}" for name in keys.shared_files()]
     for body, count in counts.items():
         scan = keys.measured(body)
         if scan is None:
@@ -155,17 +160,40 @@ def doubts_of(keys: FaceKeys, counts: Mapping[Body, int], width: float) -> list[
     return found
 
 
-def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
-    """The keys of a file that is a face; one without a spacing covers all of it, its outer points on the border.
+def place_doubts(keys: ScanKeys, seed: int, size: tuple[float, float]) -> tuple[str, ...]:
+    """What may be wrong with the place that a seed has on a body's files, in words: a strip may end before it.
+
+    Args:
+        keys: files, and what is done with them.
+        seed: 65536 draw + tile.
+        size: length along the slide and width of the tile [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used.
+    """
+    if keys.use == "face" or not is_strip(keys, size[1]):
+        return ()
+    long, tile = scan_of(keys, 0).size[0], seed % TILES
+    if tile * size[1] + size[0] <= long * (1.0 + 1e-9):
+        return ()
+    return (
+        f"tile {tile} ends at {tile * size[1] + size[0]:.4g} mm, and the strip at {long:.4g} mm: it is reflected there",
+    )
+
+
+def covering(keys: ScanKeys, size: tuple[float, float]) -> tuple[ScanKeys, tuple[str, ...]]:
+    """The keys of a file that is a face, and what is assumed of it, in words.
+
+    A file without a spacing covers all of the face, its outer points on the border.
 
     Raises:
         SurfaceError: its points would be much farther apart along the slide than across, or the other way round.
     """
     if keys.spacing is not None:
-        return keys
+        return keys, ()
     raw = read_scan(Path(keys.files[0]))
-    if raw.spacing is not None or raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
-        return keys
+    if raw.spacing is not None or raw.remarks.unclear or raw.heights.ndim != 2 or min(raw.heights.shape) < 2:
+        return keys, ()
     nx, ny = raw.heights.shape if keys.along == "x" else raw.heights.shape[::-1]
     spacing = size[0] / (nx - 1), size[1] / (ny - 1)
     if not 0.5 < spacing[0] / spacing[1] < 2.0:
@@ -173,7 +201,11 @@ def covering(keys: ScanKeys, size: tuple[float, float]) -> ScanKeys:
             f"{keys.files[0]}: {nx} x {ny} points are not those of {size[0]:g} x {size[1]:g} mm: rows run along the "
             f"slide, and the face is {size[0]:g} mm long; or give the spacing"
         )
-    return msgspec.structs.replace(keys, spacing=spacing)
+    told = (
+        f"no spacing is stated: taken to cover the face of {size[0]:g} x {size[1]:g} mm, its points "
+        f"{1e3 * spacing[0]:.3g} x {1e3 * spacing[1]:.3g} µm apart; else give the spacing"
+    )
+    return msgspec.structs.replace(keys, spacing=spacing), (told,)
 
 
 def _in_the_middle(keys: ScanKeys, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -205,19 +237,55 @@ class _Piece(NamedTuple):
     flipped: tuple[bool, bool]  # along, across
 
 
+def _laid(scans: list[Scan], body: Body, draw: int, start: float, end: float, width: float) -> dict[float, _Piece]:
+    """Pieces that lie on a strip between two places, by the place where each begins [mm]; and how long each is."""
+    long = _longest(scans, width)
+    pitch = (1.0 - BLEND) * long
+    numbers = range(floor((start - long) / pitch), floor(end / pitch) + 1)
+    return {number * pitch: _drawn(scans, body, draw, number, (long, width)) for number in numbers}
+
+
 def laid_pieces(keys: ScanKeys, body: Body, draw: int, size: tuple[float, float]) -> list[tuple[float, _Piece]]:
     """The pieces of patches that a body of this length and width [mm] is laid out of, and where each begins [mm]."""
     length, width = size
     scans = [scan_of(keys, which) for which in range(len(keys.files))]
-    piece, pitch = _pitch(scans, width)
-    numbers = range(floor(-piece / pitch) + 1, floor(length / pitch) + 1)
-    return [(number * pitch, _drawn(scans, body, draw, number, (piece, width))) for number in numbers]
+    long, laid = _longest(scans, width), _laid(scans, body, draw, 0.0, length, width)
+    return [(begin, piece) for begin, piece in laid.items() if -long < begin <= length]
 
 
-def _pitch(scans: list[Scan], width: float) -> tuple[float, float]:
-    """Length of a piece and distance of two that follow each other [mm]."""
-    piece = min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
-    return piece, (1.0 - BLEND) * piece
+def _longest(scans: list[Scan], width: float) -> float:
+    """Length of the pieces [mm]."""
+    return min(LONGEST_PIECE * width, *(scan.size[0] for scan in scans))
+
+
+def pieces_of(keys: ScanKeys, body: Body, seed: int, size: tuple[float, float]) -> tuple[str, ...]:
+    """Which patches the seed has chosen for a tile, and where on them, in words; none where patches are not dealt.
+
+    Args:
+        keys: files, and what is done with them.
+        body: whose streams are taken.
+        seed: 65536 draw + tile.
+        size: length along the slide and width of the tile [mm].
+
+    Raises:
+        SurfaceError: a file that cannot be used.
+    """
+    length, width = size
+    if keys.use == "face" or is_strip(keys, width):
+        return ()
+    draw, tile = divmod(seed, TILES)
+    scans = [scan_of(keys, which) for which in range(len(keys.files))]
+    long, found = _longest(scans, width), []
+    for begin, laid in _laid(scans, body, draw, tile * width, tile * width + length, width).items():
+        low, high = max(0.0, begin - tile * width), min(length, begin + long - tile * width)
+        if low < high:
+            turned = [name for name, flipped in zip(("along", "across"), laid.flipped, strict=True) if flipped]
+            how = f", reflected {' and '.join(turned)}" if turned else ""
+            found.append(
+                f"{low:.3g} ... {high:.3g} mm of the tile: {keys.files[laid.which]} from {laid.place[0]:.3g} mm along "
+                f"and {laid.place[1]:.3g} mm across{how}"
+            )
+    return tuple(found)
 
 
 def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -226,15 +294,15 @@ def _on_patches(keys: ScanKeys, body: Body, draw: int, x: FloatArray, y: FloatAr
     scans = [scan_of(keys, which) for which in range(len(keys.files))]
     for scan, name in zip(scans, keys.files, strict=True):
         _check_width(scan, name, width, width)
-    piece, pitch = _pitch(scans, width)
+    piece = _longest(scans, width)
+    pitch = (1.0 - BLEND) * piece
     heights = np.zeros((len(x), len(y)))
-    for number in range(floor((x[0] - piece) / pitch), floor(x[-1] / pitch) + 1):
-        inside = np.flatnonzero((x >= number * pitch) & (x <= number * pitch + piece))
+    for begin, laid in _laid(scans, body, draw, float(x[0]), float(x[-1]), width).items():
+        inside = np.flatnonzero((x >= begin) & (x <= begin + piece))
         if not inside.size:
             continue
-        along = x[inside] - number * pitch
+        along = x[inside] - begin
         rise = np.clip(np.minimum(along, piece - along) / (piece - pitch), 0.0, 1.0)
-        laid = _drawn(scans, body, draw, number, (piece, width))
         heights[inside] += np.sin(0.5 * np.pi * rise)[:, None] * _read(scans[laid.which], laid, along, y, piece)
     return heights
 

@@ -53,8 +53,13 @@ def roughness_numbers(surface: Surface) -> dict[str, Any]:
     return with_units(raw) | {"filtered": with_units(behind) | {"cutoff_mm": CUTOFF}}
 
 
-def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
-    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done."""
+def scan_numbers(keys: ScanKeys, doubts: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+    """What is kept of the files of a measured face: name, digest, extent, roughness, lay, and what was done.
+
+    Args:
+        keys: files, and what is done with them.
+        doubts: what may be wrong besides, kept with the first file.
+    """
     found = []
     for which, (name, sha256) in enumerate(zip(keys.files, keys.sha256 or keys.found().sha256, strict=True)):
         scan = scan_of(keys, which)
@@ -63,7 +68,8 @@ def scan_numbers(keys: ScanKeys) -> list[dict[str, Any]]:
             {
                 "file": name, "sha256": sha256, "size_mm": scan.size, "spacing_mm": scan.spacing,
                 "points": scan.heights.shape, **roughness_numbers(as_surface(scan)), "lay_degrees": angle,
-                "lay_strength": strength, "done": scan.done, "doubts": scan.doubts,
+                "lay_strength": strength, "done": scan.done,
+                "doubts": (*scan.doubts, *(doubts if which == 0 else ())),
             }
         )  # fmt: skip
     return found

@@ -12,7 +12,7 @@ from meso.errors import MesoError
 from meso.measured.keys import ScanKeys
 from meso.settings import FaceKeys
 from meso.surfaces.face import rough_face
-from meso.surfaces.measured import covering, scan_of
+from meso.surfaces.measured import covering, pieces_of, place_doubts, scan_of
 from meso.surfaces.surface import Body, Surface, heights_at
 
 from ..errors import PredictionError
@@ -118,13 +118,14 @@ def measured_face(
     """
     size = (1.0, 1.0) if body == "wheel" else (2.0, 1.0)
     try:
-        keys = covering(keys, size) if keys.use == "face" else keys
+        keys, assumed = covering(keys, size) if keys.use == "face" else (keys, ())
         face = rough_face(FaceKeys(form=form, axle=keys, bore=keys), body, seed, size)
         scans = [scan_of(keys, which) for which in range(len(keys.files))]
+        doubts = (*assumed, *place_doubts(keys, seed, size), *(line for scan in scans for line in scan.doubts))
     except MesoError as error:
         raise PredictionError(str(error)) from None
-    done = tuple(line for scan in scans for line in scan.done)
-    return sampled_heights(face, points), done, tuple(line for scan in scans for line in scan.doubts)
+    done = (*(line for scan in scans for line in scan.done), *pieces_of(keys, body, seed, size))
+    return sampled_heights(face, points), done, doubts
 
 
 def rms_height(heights: HeightArray, body: Body) -> float:

@@ -3,10 +3,13 @@
     python -m tests.benchmarks measured_fuzz [--cases 500] [--first 0] [--quick]
 
 Turned and isotropic surfaces in all formats (`tests/scans.py`), tilted, with offset, curved, with holes and spikes,
-transposed, in another unit, too small, constant, cut off, all from seeds. What the loader makes of one is *right*
-where Sq is within 3 % and Sdq within 10 % of the sound scan's and the lay is where it was; else it is *warned* of or
-*refused* in one line, or it is *silent*. Sound scans must be right. Ends with 1 where one is silent, or anything else
-came of one.
+transposed, in another unit, too small, constant, cut off, all from seeds. Every second one is a text as strangers write
+it (`tests/odd_scans.py`): lines of the head in any order and wording, the spacing in another unit than the heights,
+none at all, decimal commas, places in the first row and column, points with columns in any order, broken encodings.
+
+What the loader makes of one is *right* where Sq is within 3 % and Sdq within 10 % of the sound scan's and the lay is
+where it was; else it is *warned* of or *refused* in one line, or it is *silent*. Sound scans must be right, but texts
+that do not say what they mean may be refused. Ends with 1 where one is silent, or anything else came of one.
 """
 
 from __future__ import annotations
@@ -23,8 +26,9 @@ from macrofit.base.arrays import FloatArray
 from macrofit.base.errors import MacrofitError
 from meso.measured.clean import Scan, lay, slope
 from meso.measured.keys import ScanKeys
-from meso.surfaces.measured import measured_face, scan_of
+from meso.surfaces.measured import covering, measured_face, scan_of
 
+from ..odd_scans import OddText, odd_text
 from ..scans import WRITERS, textured, turned
 from ._measure import head, row
 
@@ -95,12 +99,17 @@ def sound(rng: np.random.Generator) -> Sound:
     return textured(rng, shape, d, float(rng.uniform(3e-4, 4e-3))), d
 
 
-def written(path: Path, heights: FloatArray, spacing: tuple[float, float], cut: float = 1.0) -> ScanKeys:
-    """Write a scan, the first part of it where it is cut off; and the keys that a careful user gives."""
-    data = WRITERS[path.name](heights, spacing)
-    path.write_bytes(data[: int(cut * len(data))])
-    given = {"spacing": spacing} if path.suffix == ".npy" else {}
-    return ScanKeys(files=(str(path),), use="face", **given)  # type: ignore[arg-type]
+def written(folder: Path, rng: np.random.Generator, sound: Sound, cut: float = 1.0) -> tuple[ScanKeys, OddText]:
+    """Write a scan, the first part of it where it is cut off; what a careful user says of it; and the text."""
+    if rng.random() < 0.5:
+        odd = odd_text(rng, *sound)
+    else:
+        name = str(rng.choice(list(WRITERS)))
+        given = {"spacing": sound[1]} if name.endswith(".npy") else {}
+        odd = OddText(name, WRITERS[name](*sound), keys=given, traits=["as instruments write it"])
+    path = folder / odd.name
+    path.write_bytes(odd.data[: int(cut * len(odd.data))])
+    return ScanKeys(files=(str(path),), use="face", **odd.keys), odd
 
 
 def agree(found: Scan, true: Scan) -> bool:
@@ -117,23 +126,26 @@ def outcome(seed: int, folder: Path) -> tuple[str, str, str]:
     rng = np.random.default_rng([seed, 17])
     fault = list(FAULTS)[seed % len(FAULTS)]
     heights, spacing = sound(rng)
-    name = str(rng.choice(list(WRITERS)))
-    first = folder / "true"
-    first.mkdir(exist_ok=True)
-    true = scan_of(written(first / name, heights, spacing), 0)
+    first = folder / "true.npy"
+    np.save(first, heights)
+    true = scan_of(ScanKeys(files=(str(first),), use="face", spacing=spacing), 0)
+    spoilt = FAULTS[fault](rng, heights.copy(), spacing)
+    keys, odd = written(folder, rng, spoilt, float(rng.uniform(0.0, 0.999)) if fault == "cut off" else 1.0)
+    about = f"{odd.name} ({', '.join(odd.traits)})"
     try:
-        spoilt, apart = FAULTS[fault](rng, heights.copy(), spacing)
-        keys = written(folder / name, spoilt, apart, float(rng.uniform(0.0, 0.999)) if fault == "cut off" else 1.0)
+        keys, assumed = covering(keys, (1.0, 1.0))
         measured_face(keys, "wheel", 0, (1.0, 1.0))
         found = scan_of(keys, 0)
     except MacrofitError as error:
         told = str(error)
-        return fault, "wrong" if "\n" in told or fault == "none" else "refused", f"{name}: {told}"
+        wrong = not told.isprintable() or len(told) > 1000 or (fault == "none" and odd.clear)
+        return fault, "wrong" if wrong else "refused", f"{about}: {told}"
     except Exception as error:
-        return fault, "wrong", f"{name}: {type(error).__name__}: {error}"
+        return fault, "wrong", f"{about}: {type(error).__name__}: {error}"
     if agree(found, true):
-        return fault, "right", f"{name}: {'; '.join(found.done)}"
-    return fault, "warned" if found.doubts else "silent", f"{name}: {'; '.join(found.doubts)}"
+        return fault, "right", f"{about}: {'; '.join(found.done)}"
+    doubts = (*assumed, *found.doubts)
+    return fault, "warned" if doubts else "silent", f"{about}: {'; '.join((*found.done, *doubts))}"
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import tomllib
 import zipfile
@@ -31,7 +32,7 @@ from meso.settings import FaceKeys, Settings, SurfaceKeys, decode, dump
 from meso.settings import load as load_settings
 from meso.surfaces import measured as laying
 from meso.surfaces.face import rough_face
-from meso.surfaces.measured import as_surface, covering, doubts_of, measured_face, scan_of
+from meso.surfaces.measured import area_means, as_surface, covering, doubts_of, measured_face, pieces_of, scan_of
 from meso.surfaces.roughness import measure
 from meso.surfaces.surface import tile_seed
 from surrogate.network.predict import Predictor
@@ -201,6 +202,8 @@ REFUSED = {
     "spacing in m": (lambda h: h, {"spacing": 1e-5}, "spacing is in mm; is it in m or µm"),
     "small": (lambda h: h[:150], {}, "covers 1.5 mm along the slide and 1.125 mm across, a tile needs 2 x 1 mm"),
     "noise": (lambda h: h + (np.random.default_rng(1).random(h.shape) < 0.1), {}, "are spikes"),
+    "a profile": (lambda h: h[:, :2], {}, "too few for remove = 'cylinder': are they some profiles"),
+    "a long filter": (lambda h: h, {"filter": 8.0}, "filter = 8 mm is longer than its 2.1 x 1.125 mm"),
     "two files": (lambda h: h, {"use": "strip", "files": ("a", "b")}, "use = 'strip' takes one file"),
 }
 
@@ -219,6 +222,7 @@ DOUBTED = {
     "a tenth": (lambda h: 0.02 * h, {}, "which is rare on machined faces"),
     "coarse": (lambda h: h[::16, ::16], {"spacing": 0.16}, "coarser than the means"),
     "a hole": (lambda h: np.where(np.add(*np.indices(h.shape)) % 12, h, np.nan), {}, "missing: 8.3% of the points"),
+    "saturated": (lambda h: np.minimum(h, 0.0025), {}, "of its points have exactly its highest height"),
     "steep": (lambda h: h + np.random.default_rng(4).normal(0.0, 0.008, h.shape), {}, "its slope Sdq is"),
 }
 
@@ -411,6 +415,28 @@ def test_a_piece_is_reflected_in_both_directions(patches: ScanKeys) -> None:
     assert not np.allclose(straight, straight[:, ::-1], atol=1e-4)
 
 
+def test_pieces_are_told_as_they_lie(patches: ScanKeys, strip: ScanKeys) -> None:
+    """Where a piece overlaps with no other and is not reflected, the face is the patch that is named for it."""
+    size, seen = (2.0, 1.0), 0
+    for tile in range(0, 300, 3):  # patches are as wide as a tile, so that a piece begins at 0 on its patch
+        face = measured_face(patches, "axle", tile_seed(1, tile), size).heights
+        told = pieces_of(patches, "axle", tile_seed(1, tile), size)
+        assert told[0].startswith("0 ... ")
+        assert " ... 2 mm of the tile: " in told[-1]
+        for line in told:
+            found = re.fullmatch(r"(\S+) \.\.\. (\S+) mm of the tile: (\S+) from 0 mm along and 0 mm across", line)
+            if found is None or float(found.group(2)) - float(found.group(1)) < 0.99:
+                continue
+            x = np.arange(33) / 16.0
+            alone = np.flatnonzero((x > float(found.group(1)) + 0.26) & (x < float(found.group(2)) - 0.26))
+            scan = scan_of(patches, patches.files.index(found.group(3)))
+            patch = area_means(scan, x[alone] - float(found.group(1)), np.arange(17) / 16.0, 1.0 / 16.0)
+            assert np.allclose(face[alone], patch, atol=1e-12)
+            seen += 1
+    assert seen > 5
+    assert pieces_of(strip, "axle", tile_seed(1, 2), size) == ()
+
+
 def test_each_patch_is_read_once_however_many_there_are(
     patches: ScanKeys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -437,7 +463,10 @@ def test_each_patch_is_read_once_however_many_there_are(
 def test_the_coarser_file_is_the_face_itself(tmp_path: Path) -> None:
     face = rough_face(Settings().surface, "wheel", 5, (1.0, 1.0))
     np.save(tmp_path / "w.npy", face.heights)
-    scan = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
+    scan, told = covering(ScanKeys(files=(str(tmp_path / "w.npy"),), use="face", remove="none"), (1.0, 1.0))
+    assert told[0].startswith(
+        "no spacing is stated: taken to cover the face of 1 x 1 mm, its points 125 x 125 µm apart"
+    )
     assert np.allclose(measured_face(scan, "wheel", 0, (1.0, 1.0)).resampled((9, 9)).heights, face.heights, atol=1e-15)
 
 
@@ -463,6 +492,8 @@ def test_settings_know_the_digest_and_the_folder(strip: ScanKeys, tmp_path: Path
     with pytest.raises(SurfaceError, match="its content is another than that with the digest"):
         rough_face(settings.surface, "axle", 3, (2.0, 1.0))
     for table, message in (
+        ({"axle": []}, r"surface\.axle: is empty"),
+        ({"axle": ""}, r"surface\.axle: is empty"),
         ({"axle": "none.sur"}, r"surface\.axle: none\.sur: cannot be read"),
         ({"bore": {"files": []}}, r"surface\.bore\.files: is empty"),
         ({"axle": {"files": ["a"], "unit": "ft"}}, "surface.axle.unit"),
@@ -576,4 +607,17 @@ def test_other_files_are_left_to_surface_topography(tmp_path: Path, monkeypatch:
     assert np.isnan(raw.heights).sum() == (np.arange(11000) % 7 == 6).sum()
     there.open_topography = lambda name: 1 / 0  # type: ignore[attr-defined]
     with pytest.raises(SurfaceError, match="does not read it"):
+        read_scan(path)
+
+    def binary(name: str) -> None:
+        raise ValueError("tried all: " + "\x00\x1b\ufffd\n" * 1000)
+
+    there.open_topography = binary  # type: ignore[attr-defined]
+    with pytest.raises(SurfaceError, match="does not read it") as caught:
+        read_scan(path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500
+    there.open_topography = lambda name: Found()  # type: ignore[attr-defined]
+    monkeypatch.setattr(Found, "_file_extensions", ["hgt"], raising=False)  # takes any square block of bytes
+    with pytest.raises(SurfaceError, match=r"it has no mark of a \.opd file, and would be taken for hgt"):
         read_scan(path)

@@ -435,7 +435,7 @@ def test_files_that_are_no_faces(tmp_path: Path) -> None:
         "truth.npy": "its numbers are bool, not real ones",
         "claims.npy": "its head states 100000000x33 of float64, and 80 bytes follow",
         "far.npy": "all its heights are the same",
-        "ragged.csv": "line 2: has 1 heights, those before it 2",
+        "ragged.csv": "line 2: has 1 heights, others 2",
         "mixed.csv": "line 2: is no row of heights: 'x,1'",
         "bar.csv": "unit 'bar' is not one of length",
         "late.csv": "line 3: is no row of heights: 'end'",
