@@ -134,13 +134,12 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
     return lines + doubtful_lines(numbers["doubts"])
 
 
-def _deviation_said(*forces: float | None) -> Iterator[str]:
-    known = [force for force in forces if force is not None]
-    if known:
-        yield (
-            f"Uncertain by    {' and '.join(f'{force / 1e3:.2g}' for force in known)} kN (standard deviation of the "
-            f"coefficients of pairs of tiles)"
-        )
+def _deviation_said(peak: float | None, end: float | None) -> Iterator[str]:
+    said = [
+        f"{force / 1e3:.2g} kN at the {where}" for force, where in ((peak, "peak"), (end, "end")) if force is not None
+    ]
+    if said:
+        yield f"Uncertain by    {', '.join(said)}: standard deviation, from the coefficients of the pairs of tiles"
 
 
 def _heat_said(heat: dict[str, Any] | None) -> Iterator[str]:
