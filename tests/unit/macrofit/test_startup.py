@@ -38,8 +38,10 @@ print(signal.getsignal(signal.SIGINT) is before)
 def said(code: str, *words: str) -> str:
     """The last line that a fresh interpreter prints."""
     done = subprocess.run(
-        [sys.executable, "-c", code, *words], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-c", code, *words],
+        env=dict(os.environ),  # without what MPI adds to it in this process
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True,
+    )  # fmt: skip
     return done.stdout.splitlines()[-1]
 
 
