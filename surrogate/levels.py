@@ -46,11 +46,11 @@ class PressureLevels:
         """
         level = self.of(pressure)
         below, above = self.outside(pressure)
-        if below.any() or above.any():
-            steps = np.log(np.clip(pressure, LEAST, MOST) / self.low) / self._step
+        out = np.flatnonzero(below | above)
+        if out.size:
+            steps = np.log(np.clip(pressure[out], LEAST, MOST) / self.low) / self._step
             nearest = np.rint(steps).astype(np.int64)
-            level[below] = np.minimum(nearest[below], -1)
-            level[above] = np.maximum(nearest[above], self.count)
+            level[out] = np.where(below[out], np.minimum(nearest, -1), np.maximum(nearest, self.count))
         return level
 
     def outside(self, pressure: FloatArray) -> tuple[BoolArray, BoolArray]:
