@@ -42,6 +42,10 @@ stiffer 1e-7 (Cholesky of a condition of 1e9): `bulk`, `force` and `stored` leav
 """
 
 
+ROUNDING = 1e-16
+"""What a number of double precision cannot tell from nothing, relative [-]."""
+
+
 def examine(run: Run, asked_afresh: FrictionField) -> dict[str, float]:
     """Every quantity of BOUNDS, the largest over the run."""
     found = dict.fromkeys(BOUNDS, 0.0)
@@ -56,7 +60,8 @@ def examine(run: Run, asked_afresh: FrictionField) -> dict[str, float]:
     for name, value in _of_records(run):
         found[name] = larger(found[name], value)
     losses, stored = zip(*((taken.step.dissipation, taken.step.strain_energy) for taken in run.taken), strict=True)
-    found["dissipated"] = over(min(0.0, *losses), sum(map(abs, losses)) + 1e-9 * max(stored))
+    # where all stick the losses are roundings of tractions times displacements, some 1e-18 of what is stored
+    found["dissipated"] = over(min(0.0, *losses), sum(map(abs, losses)) + ROUNDING / BOUNDS["dissipated"] * max(stored))
     account = energy(run, views, 0.1 * float(run.assembly.seat.line.length.min()))
     if account is not None:
         found["energy"] = account
