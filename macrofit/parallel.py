@@ -43,11 +43,17 @@ class SharedAsk:
         return pairs.take(np.arange(bounds[self.comm.rank], bounds[self.comm.rank + 1]))
 
 
-def joined(comm: MPI.Comm, mine: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """What all ranks say of their parts of a batch, without what not all of them name. Collective."""
-    every: list[Mapping[str, FloatArray]] = comm.allgather(mine)
-    named = [name for name in every[0] if all(name in one for one in every)]
-    return {name: np.concatenate([one[name] for one in every]) for name in named}
+def joined(comm: MPI.Comm, mine: Mapping[str, FloatArray], count: int) -> dict[str, FloatArray]:
+    """What all ranks say of their parts of a batch; 0 where one does not name what another does. Collective.
+
+    Args:
+        comm: the ranks.
+        mine: arrays (count,) by name.
+        count: pairs of this rank's part.
+    """
+    every: list[tuple[Mapping[str, FloatArray], int]] = comm.allgather((mine, count))
+    named = dict.fromkeys(name for one, _ in every for name in one)
+    return {name: np.concatenate([one.get(name, np.zeros(size)) for one, size in every]) for name in named}
 
 
 def owner(comm: MPI.Comm, body: str) -> int:

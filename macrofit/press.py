@@ -121,7 +121,7 @@ class Press:
                 warnings.warn(str(error), stacklevel=2)
                 return
             after = self._committed(state, steps[-1].state)
-            spread = self.friction_deviation(steps[-1])
+            spread = 0.0 * self.friction_deviation(steps[-1])  # its force is none; where that is may deviate
             yield accepted(planned, state, steps, cutbacks, time.perf_counter() - started, spread), after
 
     def _committed(self, before: State, after: State) -> State:
@@ -324,9 +324,10 @@ class Press:
         )
 
     def friction_deviation(self, step: Step) -> float:
-        """Standard deviation of the mean coefficient of friction of a step [-], see `FrictionField.deviation`."""
+        """Standard deviation of the friction of a step over its normal force [-], see `FrictionField.deviation`."""
         line, pressure = self.seat.line, step.facets.pressure
-        return self.friction.deviation(pressure if line.radial else pressure * line.coordinate[1:])
+        weighed = pressure if line.radial else pressure * line.coordinate[1:]
+        return self.friction.deviation(weighed, step.facets.status == SLIP)
 
     def overlaps(self, coupling: MortarCoupling, displacement: float) -> TileOverlaps:
         """Which pairs of tiles the facets of the seat face; none where friction does not ask."""

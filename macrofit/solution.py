@@ -54,7 +54,7 @@ class Increment:
     work: float = 0.0  # N mm, of the press, and of a wheel's heat, in this increment
     plastic_iterations: int = 0  # of plastic strains and contact; 0 where no steel may yield
     torque: float = 0.0  # N mm, integral of 2 pi r^2 friction pressure ds: what friction carries around the axis
-    friction_sd: float = math.nan  # standard deviation of mean_friction, NaN where the provider states none
+    friction_sd: float = math.nan  # deviation of the friction of what slips over normal_force, NaN where none is stated
     wall_s: float
     facets: FacetState = field(repr=False)
 

@@ -121,7 +121,7 @@ def doubted_pairs(press: Press, increments: Sequence[Increment], comm: MPI.Comm)
         return FacingPairs.of(facing), record.facets.pressure, record.facets.accumulated_slip
 
     forces = np.array([record.normal_force for record in increments])
-    return outside_range(press.friction, forces, moment, lambda told: joined(comm, told))
+    return outside_range(press.friction, forces, moment, lambda told, count: joined(comm, told, count))
 
 
 def _with_friction(

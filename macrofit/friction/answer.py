@@ -120,12 +120,12 @@ def reasons_of(provider: object, pairs: TilePairs, name: str) -> dict[str, Float
         return {}
     with foreign_code():
         told = provider.outside(pairs.copy())
-    found = {f"{reason}": np.asarray(off, dtype=np.float64) for reason, off in dict(told).items()}
+    found = {" ".join(f"{reason}".split()): np.asarray(off, dtype=np.float64) for reason, off in dict(told).items()}
     for reason, off in found.items():
-        if off.shape != pairs.seat.shape or not (np.isfinite(off).all() and (off >= 0.0).all()):
+        if not reason or off.shape != pairs.seat.shape or not (np.isfinite(off).all() and (off >= 0.0).all()):
             raise ProviderError(
-                f"friction provider {name!r} breaks the contract: outside(pairs) gives {off!r:.60} for {reason:.60}; a "
-                "number of 0 or more for each pair is wanted"
+                f"friction provider {name!r} breaks the contract: outside(pairs) gives {off.dtype} of shape "
+                f"{off.shape} for {reason[:60]!r}; a number of 0 or more for each pair is wanted, and a reason in words"
             )
     return found
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from macrofit.base.arrays import BoolArray
 from macrofit.base.foreign import foreign_code
 from macrofit.errors import ProviderError
 from macrofit.friction.answer import (
@@ -177,29 +178,34 @@ class FrictionField:
             friction = self._asked(pairs)[facing.distinct[1]] if pairs.seat.size else np.empty(0)
         return _facet_mean(facing.overlaps.facet, facing.overlaps.weight, friction, facets)
 
-    def deviation(self, pressure: FloatArray) -> float:
-        """Standard deviation of the mean coefficient that `answer` gave last, weighted with the pressure [-].
+    def deviation(self, pressure: FloatArray, slips: BoolArray) -> float:
+        """Standard deviation of the friction of what slips, over the normal force, by what `answer` gave last [-].
 
-            sigma^2 = sum_p (F_p s_p)^2 / (sum_p F_p)^2,        F_p = sum_i w_ip P_i
+            sigma^2 = sum_p (S_p s_p)^2 / (sum_i P_i)^2,        S_p = sum over i that slip of w_ip P_i
 
         with s_p the standard deviation of pair p that the provider states, w_ip the length over which facet i faces it
-        and P_i the facet's pressure. Pairs are taken as independent. NaN where none is stated; 0 without pressure.
+        and P_i the facet's pressure. What sticks bears what the bodies ask for, whatever its coefficient. Pairs are
+        taken as independent. NaN where none is stated; 0 without pressure.
 
         Args:
             pressure: of each facet, in any unit; times the radius where that varies, (facets,).
+            slips: whether each facet slips, (facets,).
         """
         facing = self._facing
         if facing is None or not self._depends_on or not isinstance(self.provider, StatesUncertainty):
             return math.nan
         pairs, which = facing.distinct
-        carried = np.bincount(which, facing.overlaps.weight * pressure[facing.overlaps.facet], minlength=pairs.size)
-        whole = float(carried.sum())
-        if not whole > 0.0:
-            return 0.0
         spread = self._spread
         if spread is None:
             self._merge()
             spread = self._known[1, np.searchsorted(self._keys, pairs)]
+        if not np.isfinite(spread).any():
+            return math.nan
+        facet, weight = facing.overlaps.facet, facing.overlaps.weight
+        whole = float(weight @ pressure[facet])
+        if not whole > 0.0:
+            return 0.0
+        carried = np.bincount(which, weight * np.where(slips, pressure, 0.0)[facet], minlength=pairs.size)
         shares = carried[carried > 0.0] * spread[carried > 0.0]
         return math.sqrt(float(shares @ shares)) / whole
 

@@ -19,8 +19,8 @@ LOOKED_AT = 5
 
 Moment: TypeAlias = tuple[FacingPairs, FloatArray, FloatArray]
 """The pairs of tiles at an increment, and pressure [MPa] and accumulated sliding [mm] of the facets."""
-Ask: TypeAlias = Callable[[Mapping[str, FloatArray]], Mapping[str, FloatArray]]
-"""Gives what all ranks have said of their parts of a batch, of what this one has."""
+Ask: TypeAlias = Callable[[Mapping[str, FloatArray], int], Mapping[str, FloatArray]]
+"""Gives what all ranks have said of their parts of a batch, of what this one has of so many pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,8 @@ def _at(field: FrictionField, number: int, moment: Moment, held: float, share: A
     facing, pressure, sliding = moment
     keys, which = facing.distinct
     pressed = facing.pair_mean(pressure) if keys.size else np.empty(0)
-    told = share(_told(field, TilePairs(*tiles_of(keys), pressed, facing.pair_mean(sliding)))) if keys.size else {}
+    part = field.part(TilePairs(*tiles_of(keys), pressed, facing.pair_mean(sliding))) if keys.size else None
+    told = {} if part is None else share(_told(field, part), part.seat.size)
     overlaps = facing.overlaps
     carried = np.bincount(which, overlaps.weight * pressure[overlaps.facet]) if told else pressed
     touching = pressed > 0.0
@@ -103,10 +104,13 @@ def _at(field: FrictionField, number: int, moment: Moment, held: float, share: A
             )
 
 
-def _told(field: FrictionField, pairs: TilePairs) -> Mapping[str, FloatArray]:
+def _told(field: FrictionField, part: TilePairs) -> Mapping[str, FloatArray]:
     """What this rank's provider says of its part; one that fails at it is warned of: it is no reason to lose a run."""
     try:
-        return reasons_of(field.provider, field.part(pairs), field.name)
+        return reasons_of(field.provider, part, field.name)
     except Exception as error:
-        warnings.warn(f"friction provider {field.name!r} failed at `outside`: {error}; it is not judged", stacklevel=2)
+        said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        warnings.warn(
+            f"friction provider {field.name!r} failed at `outside`, with {said}; it is not judged", stacklevel=2
+        )
         return {}

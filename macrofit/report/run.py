@@ -94,7 +94,7 @@ def _curve(curve: Mapping[str, FloatArray], frame: Frame, verdict: Verdict | Non
 def _deviation(curve: Mapping[str, FloatArray], row: int) -> str:
     """The standard deviation of a force, where the provider of friction states one."""
     deviation = curve.get(FORCE_SD)
-    return "" if deviation is None or not np.isfinite(deviation[row]) else f" ± {deviation[row] / 1e3:.2g}"
+    return "" if deviation is None or not deviation[row] > 0.0 else f" ± {deviation[row] / 1e3:.2g}"
 
 
 def _judged(

@@ -186,11 +186,12 @@ def outside_doubts(found: Sequence[Outside], displacements: Sequence[float]) -> 
     """
     for each in found:
         if each.error > OUTSIDE_ERROR:
-            head, _, told = each.reason.partition(": ")
+            head, colon, told = each.reason.partition(": ")
             low, high = each.pressure
             yield (
                 f"{head}: {each.pairs} of {each.of} pairs of tiles at {displacements[each.increment]:g} mm, with "
-                f"{each.share:.0%} of the largest normal force and {low:.3g} to {high:.3g} MPa, {told}"
+                f"{each.share:.0%} of the largest normal force and {low:.3g} to {high:.3g} MPa"
+                f"{', ' if colon else ''}{told}"
             )
 
 

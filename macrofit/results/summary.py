@@ -135,9 +135,7 @@ def sentences(numbers: dict[str, Any]) -> list[str]:
 
 
 def _deviation_said(peak: float | None, end: float | None) -> Iterator[str]:
-    said = [
-        f"{force / 1e3:.2g} kN at the {where}" for force, where in ((peak, "peak"), (end, "end")) if force is not None
-    ]
+    said = [f"{force / 1e3:.2g} kN at the {where}" for force, where in ((peak, "peak"), (end, "end")) if force]
     if said:
         yield f"Uncertain by    {', '.join(said)}: standard deviation, from the coefficients of the pairs of tiles"
 

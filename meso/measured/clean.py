@@ -131,7 +131,8 @@ def _in_mm(raw: RawScan, keys: ScanKeys) -> Scan:
     done += ["heights taken for mm: no unit was given"] if unit is None else []
     done += ["heights turned over (invert)"] if keys.invert else []
     scale = (1.0 if unit is None else unit) * (-1.0 if keys.invert else 1.0)
-    return Scan(heights=heights * scale, spacing=spacing, done=tuple(done), doubts=remarks.doubts)
+    doubts = (*remarks.doubts, *(() if keys.invert else remarks.turned))
+    return Scan(heights=heights * scale, spacing=spacing, done=tuple(done), doubts=doubts)
 
 
 def no_spacing(raw: RawScan) -> str:

@@ -29,8 +29,16 @@ _SPEAKS = re.compile(
 """Words by which a line speaks of the spacing."""
 _STATES = re.compile(rf"spac|pixel ?size|{_START}d[xy]{_END}|abstand", re.IGNORECASE)
 """Those of them that mean nothing else, so that a line without a number is not understood."""
-_VAGUE = re.compile(r"resol|auflösung|rate|filter|lens|camera", re.IGNORECASE)
+_VAGUE = re.compile(r"resol|auflösung|rate|filter|lens|camera|mean|average", re.IGNORECASE)
 """Words that may mean something else: that of the optics, or of the time."""
+_ROUGHNESS = re.compile(
+    r"\bR?Sm\b|profile elements?|peaks?\b|groove|feed|sampling length|evaluation length|\bl[rn]\b|cut[ -]?off|"
+    r"wave|lambda|\u03bb",
+    re.IGNORECASE,
+)
+"""Words of measures of roughness: their lengths are no distances of points."""
+_TURNED = re.compile(r"\bdepths?\b|\btiefen?\b|profondeur|invert|negativ|replica|\bcasts?\b|abdruck", re.IGNORECASE)
+"""Words by which heights may be positive into the metal."""
 _UPWARD = re.compile(
     rf"{_START}d?z{_END}[ _-]*\w*(?:spac|step|pitch|increment|resol|interval)|vertical|axial|{_START}dz{_END}|"
     r"step[ _-]?height",
@@ -76,6 +84,8 @@ class Head(NamedTuple):
     """Distance of the rows and of the columns [mm]."""
     unclear: tuple[str, ...]
     """Lines that speak of the spacing and were not taken, each with the reason."""
+    turned: tuple[str, ...] = ()
+    """Lines by which the heights may be positive into the metal, as a doubt."""
 
 
 class _Unclear(Exception):
@@ -116,11 +126,16 @@ def read_head(lines: Iterable[tuple[int, str]], decimal: str, shape: tuple[int, 
     for what, said in (("the unit of the heights", units), *(("the spacing", each) for each in spacings.values())):
         _agree(what, said)
     x, y = ([*each] for each in spacings.values())
+    turned = tuple(
+        f"line {number}: '{shortened(line.strip())}': are its heights positive out of the metal? If not, take invert"
+        for number, line in lines
+        if _TURNED.search(line)
+    )
     if not (x or y or unclear) and (found := _from_size(lines, decimal, shape)) is not None:
-        return Head(next(iter(units), None), found, ())
+        return Head(next(iter(units), None), found, (), turned)
     if bool(x) != bool(y):
         unclear.append(f"{next(iter((spacings['x'] or spacings['y']).values()))} says it along one axis alone")
-    return Head(next(iter(units), None), (x[0], y[0]) if x and y else None, tuple(unclear))
+    return Head(next(iter(units), None), (x[0], y[0]) if x and y else None, tuple(unclear), turned)
 
 
 def _agree(what: str, said: dict[float, str]) -> None:
@@ -169,7 +184,7 @@ def _spacings(line: str, decimal: str, shape: tuple[int, ...]) -> dict[str, floa
         return {axis: float(extent.group(k + 1)) / (shape[k] - 1) for k, axis in enumerate("xy")}
     found: dict[str, float] = {}
     for clause in _parts(line):
-        if _SPEAKS.search(clause) and not _UPWARD.search(clause):
+        if _SPEAKS.search(clause) and not _UPWARD.search(clause) and not _ROUGHNESS.search(clause):
             found |= _stated(clause, decimal, shape)
     return found
 

@@ -49,6 +49,10 @@ class ScanKeys(Keys, frozen=True):
     ] = 4
     sha256: Annotated[tuple[str, ...], told("Digests of the files; found when they are first read.")] = ()
 
+    def __post_init__(self) -> None:
+        if self.degree != 2 and self.remove != "polynomial":
+            raise ValueError("degree: is for remove = 'polynomial': give that too, or leave it out")
+
     @property
     def spacings(self) -> tuple[float, float] | None:
         """Distances of the points along and across the slide, where they are given [mm]."""

@@ -23,6 +23,8 @@ class Remarks(NamedTuple):
     """What speaks of the spacing and is not understood: refused unless a key says the spacing."""
     assumed: str = ""
     """What the spacing was taken for without being told; a key goes before it."""
+    turned: tuple[str, ...] = ()
+    """Doubts whether heights are positive out of the metal, unless they are to be turned over."""
 
 
 class RawScan(NamedTuple):

@@ -90,7 +90,9 @@ def read_text(path: Path) -> RawScan:
         heights = numbers[1:]  # its name was no corner of a table with places
     said = read_head(head, table.style.decimal, heights.shape)
     spacing, assumed = (said.spacing, "") if places is None else _axes_apart(places, head, said.spacing)
-    return RawScan(heights, said.unit, spacing, Remarks(done=done, unclear=said.unclear, assumed=assumed))
+    return RawScan(
+        heights, said.unit, spacing, Remarks(done=done, unclear=said.unclear, assumed=assumed, turned=said.turned)
+    )
 
 
 def _parted(table: TextTable) -> tuple[list[tuple[int, str]], list[float], list[tuple[int, str, list[float]]]]:

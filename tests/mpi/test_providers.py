@@ -19,7 +19,7 @@ from untrained import untrained
 from macrofit.base.arrays import FloatArray
 from macrofit.errors import ProviderError
 from macrofit.friction import BuildContext, TilePairs, build
-from macrofit.parallel import SharedAsk
+from macrofit.parallel import SharedAsk, joined
 from macrofit.results.folder import read_curve
 from macrofit.scene import load_scene
 from macrofit.solution import Increment
@@ -298,3 +298,14 @@ def test_what_a_network_does_not_know_is_the_same_on_any_number_of_ranks() -> No
     shared, alone = solve(scene, WORLD).outside, solve(scene, MPI.COMM_SELF).outside
     assert [each.reason.partition(":")[0] for each in alone] == ["unknown pressures"]
     assert shared == alone
+
+
+@pytest.mark.mpi
+def test_what_one_rank_alone_names_is_heard() -> None:
+    """A provider may name a reason only where a pair has it: others of that part are 0."""
+    rank = WORLD.rank
+    mine = {"odd": np.full(2 + rank, 0.5)} if rank == 0 else {}
+    found = joined(WORLD, mine, 2 + rank)
+    sizes = [2 + each for each in range(WORLD.size)]
+    assert list(found) == ["odd"]
+    assert found["odd"].tolist() == [0.5] * 2 + [0.0] * (sum(sizes) - 2)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from serving import SHORT
-from small import small_press
+from small import small_path, small_press
 
 from macrofit.friction import BuildContext, TilePairs
 from macrofit.friction.conformance import ConformanceError, check
@@ -174,6 +174,43 @@ def test_the_force_has_the_deviation_of_independent_pairs(friction: Spread) -> N
     assert record.friction_sd == pytest.approx(expected, rel=1e-3)  # facets that stand open are left out by the press
     assert record.force_sd == pytest.approx(expected * record.normal_force, rel=1e-3)
     assert 0.05 < record.friction_sd / friction.spread < 0.3  # about one over the root of the pairs
+
+
+def test_what_sticks_has_no_deviation(tmp_path: Path) -> None:
+    """It bears what the bodies ask for, whatever its coefficients: a push that turns, and a press that lets go."""
+    scene = small_path([55.0, 60.0, 59.99, 59.98], "motion.release=true")
+    fit = solve(scene, MPI.COMM_SELF, friction=Spread())
+    pushed, turned, last = (fit.increments[k] for k in (1, 2, -1))
+    assert pushed.sticking_facets == 0
+    assert turned.sticking_facets > 0.5 * turned.active_facets
+    assert turned.force_sd < 0.7 * pushed.force_sd
+    assert last.force_sd == 0.0
+    said = " ".join(sentences(summary(fit)))
+    assert "kN at the peak" in said
+    assert "kN at the end: standard" not in said
+
+
+class Silent(Spread, frozen=True):
+    """Has the method, and states nothing."""
+
+    def uncertainty(self, pairs: TilePairs) -> FloatArray:
+        return np.full(len(pairs.seat), np.nan)
+
+
+def test_a_method_that_states_nothing_gives_no_column(tmp_path: Path) -> None:
+    fit = pressed(Silent())
+    assert np.isnan([record.friction_sd for record in fit.increments]).all()
+    assert "force_sd_N" not in CurveFile(tmp_path, fit.increments).path.read_text()
+
+
+def test_a_reason_without_advice_is_a_whole_sentence() -> None:
+    class Curt(Unsure, frozen=True):
+        def outside(self, pairs: TilePairs) -> Any:
+            return {"odd\ntiles": np.full(len(pairs.seat), 0.5)}
+
+    (said,) = odd(pressed(Curt()))
+    assert said.startswith("odd tiles: ")
+    assert said.endswith(" MPa")
 
 
 def test_there_is_none_where_none_is_stated(tmp_path: Path) -> None:

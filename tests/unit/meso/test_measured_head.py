@@ -120,12 +120,18 @@ NO_SPACING = (
     "Operator: M",
     "Sq = 1.2 µm",
     "Length = 3 mm",
+    "Mean spacing of profile elements RSm = 80 µm",
+    "RSm: mean spacing 60 µm",
+    "sampling length lr = 0.25 mm, evaluation length 4 mm",
+    "groove spacing 0.2 mm",
+    "turned, feed pitch 0.1 mm",
+    "cut-off spacing 0.8 mm",
 )
 
 
 @pytest.mark.parametrize("line", NO_SPACING)
 def test_what_does_not_speak_of_the_spacing_says_nothing(line: str) -> None:
-    assert read_head([(1, f"# {line}")], ".", SHAPE) == (None, None, ())
+    assert read_head([(1, f"# {line}")], ".", SHAPE) == (None, None, (), ())
 
 
 HEIGHTS = {
@@ -319,6 +325,14 @@ def test_a_cast_is_turned_over(tmp_path: Path) -> None:
     found, cast = scan(path), scan(path, invert=True)
     assert np.allclose(cast.heights, -found.heights, atol=1e-15)
     assert "heights turned over (invert)" in cast.done
+
+
+@pytest.mark.parametrize("line", ["depth into the metal [µm]", "heights [µm], inverted: yes", "Abdruck der Bohrung"])
+def test_heights_that_may_go_into_the_metal_are_doubted(tmp_path: Path, line: str) -> None:
+    path = written(tmp_path, f"# heights [µm]\n# spacing = 10 µm\n# {line}\n")
+    (doubt,) = (each for each in scan(path).doubts if "out of the metal" in each)
+    assert doubt.startswith(f"line 3: '# {line}'")
+    assert not any("out of the metal" in each for each in scan(path, invert=True).doubts)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
