@@ -150,9 +150,14 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         pressure = self.at_modulus(asked.pressure, asked.youngs_modulus)
         if not low * (1.0 - PRESSURE_SLACK) <= pressure <= high * (1.0 + PRESSURE_SLACK):
             on_steel = "" if asked.youngs_modulus == known.youngs_modulus else f" ({pressure:.3g} on steel)"
+            others = "; ".join(
+                f"with control = '{control}' it knows {least:.3g} ... {most:.3g}"
+                for control, (least, most) in ranges.items()
+                if control != asked.control and least <= pressure <= most
+            )
             findings.append(
-                f"load.pressure = {asked.pressure:g}{on_steel} with load.control = '{asked.control}' is outside "
-                f"{low:.3g} ... {high:.3g} MPa"
+                f"pressure = {asked.pressure:g}{on_steel} with control = '{asked.control}' is outside "
+                f"{low:.3g} ... {high:.3g} MPa" + (f" ({others})" if others else "")
             )
         same = {"pressure": known.pressure, "youngs_modulus": known.youngs_modulus, "control": known.control}
         return findings + known.unlike(msgspec.structs.replace(asked, **same))
