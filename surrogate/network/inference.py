@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from macrofit.base.arrays import BoolArray, FloatArray, HeightArray, IntArray
 
-from .slides import Single, SlideEnds, slide_by_ends, slide_foundations
+from .slides import FacePairs, Single, SlideEnds, slide_by_ends, slide_foundations
 
 if TYPE_CHECKING:
     from .checkpoint import EnsembleOptions
@@ -114,7 +114,7 @@ class TrainedEnsemble:
         for start in range(0, count, size):
             part = slice(start, start + size)
             n, fixed = loads[part], free[part]
-            given = options, wheels, axles, wheel[part], axle[part], n.astype(np.float64)
+            given = options, FacePairs(wheels, axles, wheel[part], axle[part]), n.astype(np.float64)
             if ends is None:
                 slide = slide_foundations(*given, fixed, room)
             else:

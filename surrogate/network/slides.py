@@ -6,7 +6,7 @@ In single precision over the nodes of a face. Every row is computed by itself: t
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
@@ -115,67 +115,57 @@ def with_room(rows: npt.NDArray[T], more: npt.NDArray[T], old: int) -> npt.NDArr
     return rows
 
 
+class FacePairs(NamedTuple):
+    """Wheels on axles."""
+
+    wheels: HeightArray
+    """Heights (wheels, n + 1, n + 1) [mm]."""
+    axles: HeightArray
+    """Heights (axles, 2 n + 1, n + 1) [mm]."""
+    wheel: IntArray
+    """Number of the wheel of each pair, (pairs,)."""
+    axle: IntArray
+    """Number of its axle, (pairs,)."""
+
+
 def slide_foundations(
-    options: EnsembleOptions,
-    wheels: HeightArray,
-    axles: HeightArray,
-    wheel: IntArray,
-    axle: IntArray,
-    loads: FloatArray,
-    free: BoolArray,
-    room: Single,
+    options: EnsembleOptions, pairs: FacePairs, loads: FloatArray, free: BoolArray, room: Single
 ) -> SlideNumbers:
     """Slide every wheel over its axle by its length of 1 mm; see `Foundation.slide`.
 
     Args:
         options: stiffnesses and positions, and what nodes on the border stand for.
-        wheels: heights (wheels, n + 1, n + 1) [mm].
-        axles: heights (axles, 2 n + 1, n + 1) [mm].
-        wheel: number of the wheel of each pair (pairs,).
-        axle: number of its axle (pairs,).
+        pairs: the faces.
         loads: normal force at the start of each pair (pairs,) [N].
         free: whether each pair keeps its load, (pairs,); else it keeps its height.
         room: memory to be overwritten, (at least 2 x positions x pairs x G,).
     """
-    faces, nodes, shares = _flat(wheels)[wheel], wheels[0].size, _shares(options, wheels)
-
-    def slid(places: Sequence[int], *, free: bool) -> SlideNumbers:
-        area = room[: 2 * len(places) * len(wheel) * nodes].reshape(2, len(places), len(wheel), nodes)
-        for out, place in zip(area[0], places, strict=True):
-            np.add(faces, _track(options, wheels, axles, place)[axle], out=out)
-        return (_slid_free if free else _slid_held)(options, area[0], loads, area[1], shares)
-
-    if free.all():
-        return slid((0, options.positions - 1), free=True)
-    held = slid(range(options.positions), free=False)
-    if not free.any():
+    count = len(pairs.wheel)
+    held = None if free.all() else _slid_held(options, pairs, loads, room)
+    if held is not None and not free.any():
         return held
-    both = zip(slid((0, options.positions - 1), free=True), held, strict=True)
-    return SlideNumbers(*(np.where(free[:, None], *each) for each in both))
+    numbers = np.arange(2 * count)
+    moved = slide_by_ends(options, pairs, loads, SlideEnds(KeptEnds(2 * count), numbers[:count], numbers[count:]), room)
+    if held is None:
+        return moved
+    return SlideNumbers(*(np.where(free[:, None], *each) for each in zip(moved, held, strict=True)))
 
 
 def slide_by_ends(
-    options: EnsembleOptions,
-    wheels: HeightArray,
-    axles: HeightArray,
-    wheel: IntArray,
-    axle: IntArray,
-    loads: FloatArray,
-    ends: SlideEnds,
-    room: Single,
+    options: EnsembleOptions, pairs: FacePairs, loads: FloatArray, ends: SlideEnds, room: Single
 ) -> SlideNumbers:
     """As `slide_foundations` for pairs that all keep their load; ends that are known are not computed again."""
-    pairs, nodes, shares = len(wheel), wheels[0].size, _shares(options, wheels)
+    count, nodes, shares = len(pairs.wheel), pairs.wheels[0].size, _shares(options, pairs.wheels)
     new, at = ends.kept.missing(np.concatenate([ends.first, ends.last]))
     if len(new):
-        order = np.argsort(at >= pairs, kind="stable")  # beginnings before ends
+        order = np.argsort(at >= count, kind="stable")  # beginnings before ends
         new, at = new[order], at[order]
-        begin, pair = int((at < pairs).sum()), at % pairs
+        begin, which = int((at < count).sum()), at % count
         sums, work = room[: 2 * len(new) * nodes].reshape(2, len(new), nodes)
-        faces = _flat(wheels)[wheel[pair]]
+        faces = _flat(pairs.wheels)[pairs.wheel[which]]
         for place, part in ((0, slice(begin)), (options.positions - 1, slice(begin, None))):
-            np.add(faces[part], _track(options, wheels, axles, place)[axle[pair[part]]], out=sums[part])
-        ends.kept.add(new, _pressed(options, sums, loads[pair], work, shares))
+            np.add(faces[part], _track(options, pairs, place)[pairs.axle[which[part]]], out=sums[part])
+        ends.kept.add(new, _pressed(options, sums, loads[which], work, shares))
     return _between(options, ends.kept.at(ends.first), ends.kept.at(ends.last), loads, _whole(shares, nodes))
 
 
@@ -183,11 +173,11 @@ def _flat(faces: HeightArray) -> HeightArray:
     return faces.reshape(len(faces), -1)
 
 
-def _track(options: EnsembleOptions, wheels: HeightArray, axles: HeightArray, place: int) -> HeightArray:
+def _track(options: EnsembleOptions, pairs: FacePairs, place: int) -> HeightArray:
     """What lies under a wheel on every axle (axles, G) at a place of the slide, 0 to positions - 1."""
-    along, row = wheels.shape[1:]
+    along, row = pairs.wheels.shape[1:]
     start = place * ((along - 1) // (options.positions - 1)) * row
-    return _flat(axles)[:, start : start + along * row]
+    return _flat(pairs.axles)[:, start : start + along * row]
 
 
 def _shares(options: EnsembleOptions, wheels: HeightArray) -> Single | None:
@@ -223,15 +213,6 @@ def _touches(
         yield touch
 
 
-def _slid_free(
-    options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, shares: Single | None
-) -> SlideNumbers:
-    """Slide at constant force: from the first of two places (2, pairs, G), which are solved together, to the last."""
-    _, pairs, nodes = sums.shape
-    states = _pressed(options, sums.reshape(-1, nodes), np.tile(loads, 2), work.reshape(-1, nodes), shares)
-    return _between(options, states.take(slice(pairs)), states.take(slice(pairs, None)), loads, _whole(shares, nodes))
-
-
 def _between(
     options: EnsembleOptions, first: EndStates, last: EndStates, loads: FloatArray, whole: float
 ) -> SlideNumbers:
@@ -241,18 +222,20 @@ def _between(
     return _response(options, overlaps, squares, heights, start=loads, whole=whole)
 
 
-def _slid_held(
-    options: EnsembleOptions, sums: HeightArray, loads: FloatArray, work: Single, shares: Single | None
-) -> SlideNumbers:
-    """Slide at constant height, that of the first place, over all places (places, pairs, G)."""
-    places, pairs, nodes = sums.shape
+def _slid_held(options: EnsembleOptions, pairs: FacePairs, loads: FloatArray, room: Single) -> SlideNumbers:
+    """Slide at constant height, that of the first place, over all of them."""
+    places, count, nodes = options.positions, len(pairs.wheel), pairs.wheels[0].size
+    shares, faces = _shares(options, pairs.wheels), _flat(pairs.wheels)[pairs.wheel]
+    sums, work = room[: 2 * places * count * nodes].reshape(2, places, count, nodes)
+    for place, out in enumerate(sums):
+        np.add(faces, _track(options, pairs, place)[pairs.axle], out=out)
     above = work.reshape(-1, nodes)
     overlaps, squares, heights = [], [], []
-    for touch in _touches(options, sums[0], loads, above[:pairs], shares):
-        _overlap(sums[1:].reshape(-1, nodes), np.tile(touch.height, places - 1), above[pairs:])
-        overlaps.append(np.concatenate([touch.overlap, _row_sums(above[pairs:], shares)]).reshape(places, pairs))
+    for touch in _touches(options, sums[0], loads, above[:count], shares):
+        _overlap(sums[1:].reshape(-1, nodes), np.tile(touch.height, places - 1), above[count:])
+        overlaps.append(np.concatenate([touch.overlap, _row_sums(above[count:], shares)]).reshape(places, count))
         weighed = above if shares is None else above * shares
-        squares.append(np.einsum("ij,ij->i", above, weighed).reshape(places, pairs))
+        squares.append(np.einsum("ij,ij->i", above, weighed).reshape(places, count))
         heights.append(touch.height[None])
     by_stiffness = [np.stack(column, axis=2) for column in (overlaps, squares, heights)]
     return _response(options, *by_stiffness, start=loads, whole=_whole(shares, nodes))

@@ -149,9 +149,9 @@ def test_each_pair_and_each_face_once(energy: Predictor, monkeypatch: pytest.Mon
         drawn.extend((body, seed + k) for k in range(count))
         return generated_faces(body, seed, count, *keys)
 
-    def sliding(options: Any, wheels: Any, axles: Any, wheel: IntArray, *given: Any) -> Any:
-        slid.append(len(wheel))
-        return slide(options, wheels, axles, wheel, *given)
+    def sliding(options: Any, pairs: Any, *given: Any) -> Any:
+        slid.append(len(pairs.wheel))
+        return slide(options, pairs, *given)
 
     monkeypatch.setattr("surrogate.tiles.generated_faces", counted)
     monkeypatch.setattr(inference, name, sliding)
