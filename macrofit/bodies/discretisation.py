@@ -24,6 +24,11 @@ class Discretisation:
     edges: dict[str, IntArray]
     stiffness: sp.csr_matrix
 
+    def unknowns(self, cells: IntArray) -> IntArray:
+        """The unknowns (n, 2 b) of cells (n,): node 0 r, node 0 z, node 1 r and so on."""
+        nodes = self.cells[cells]
+        return np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1).astype(np.int64)
+
     def edge_nodes(self, name: str) -> IntArray:
         """Nodes of each edge of a boundary, (k, order + 1): start, (middle,) end."""
         cell, a, b = self.edges[name].T

@@ -19,13 +19,12 @@ from ..base.files import cache_folder
 from ..base.kept import keep, read_kept
 from ..scene.material import Material
 from .discretisation import Discretisation
+from .kept import EDGES
 from .triangles import MeshData
 
 PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ffcx", "fenics-ufl", "petsc4py")
 """Distributions whose versions may change a stiffness."""
 CODE = ("fenics.py", "elasticity.py", "discretisation.py", Path(__file__).name)
-EDGES = "edges of "
-"""What the names of the arrays of a boundary begin with in a file."""
 
 
 def elastic_space(data: MeshData, order: int, material: Material) -> Discretisation:

@@ -24,7 +24,7 @@ from ..bodies.body import Body
 from ..bodies.elasticity import stiffness_moduli
 from ..contact.eigen import Eigen
 from .law import Hardening, PointState, flow, overshoot
-from .path import Path, StrainAlong, Strains, unknowns_of
+from .path import Path, StrainAlong, Strains
 from .substitution import Substitution
 
 NEIGHBOURS = 3
@@ -101,7 +101,7 @@ class PlasticBody:
         self.moduli = stiffness_moduli(body.material)
         self.shear_modulus = body.material.shear_modulus
         every = np.arange(self.count)
-        self.strains = Strains(operators=gauss.strain, unknowns=unknowns_of(body.space, gauss.cell), points=every)
+        self.strains = Strains(operators=gauss.strain, unknowns=body.space.unknowns(gauss.cell), points=every)
         self._held, self.trace = np.flatnonzero(body.supported.ravel()), body.trace_dofs
         self._last_carried: tuple[float, sp.csr_matrix] | None = None
 

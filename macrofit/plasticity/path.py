@@ -65,13 +65,6 @@ class Strains:
         return Strains(operators=self.operators, unknowns=self.unknowns, points=points)
 
 
-def unknowns_of(space: Discretisation, cells: IntArray) -> IntArray:
-    """The unknowns (n, b) of cells (n,): node 0 r, node 0 z, node 1 r and so on."""
-    nodes = space.cells[cells]
-    unknowns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1)
-    return np.asarray(unknowns, dtype=np.int64)
-
-
 class _Shifted:
     """Operators at the points moved by one shift, made when they are first asked for."""
 
@@ -109,7 +102,7 @@ class StrainAlong:
     def _locate(self, shifted: _Shifted, shift: float, part: slice) -> None:
         cells, points, shifted.inside[part] = self._located(self.places[part] + np.array([0.0, shift]))
         shifted.operators[part], _ = strain_operator(self.space.order, self._corners[cells], points)
-        shifted.unknowns[part] = unknowns_of(self.space, cells)
+        shifted.unknowns[part] = self.space.unknowns(cells)
 
     def _located(self, places: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
         """For each place its cell, the point on the reference triangle, and whether it is in the cell or near it."""

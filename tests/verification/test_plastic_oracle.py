@@ -40,8 +40,7 @@ YIELD = tuple(
 
 def point_matrix(space: Discretisation, cell: IntArray, values: FloatArray) -> sp.csr_matrix:
     """Values (n, 4, 2 b) on the unknowns of each point's cell (n,) as a matrix (4 n, dofs), point after point."""
-    count, nodes = len(cell), space.cells[cell]
-    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(count, 1, -1)
+    count, columns = len(cell), space.unknowns(cell)[:, None]
     rows = np.arange(4 * count).reshape(count, 4, 1)
     data, place, columns = np.broadcast_arrays(values, rows, columns)
     shape = (4 * count, 2 * len(space.nodes))
