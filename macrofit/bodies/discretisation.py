@@ -27,7 +27,8 @@ class Discretisation:
     def unknowns(self, cells: IntArray) -> IntArray:
         """The unknowns (n, 2 b) of cells (n,): node 0 r, node 0 z, node 1 r and so on."""
         nodes = self.cells[cells]
-        return np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1).astype(np.int64)
+        unknowns = np.stack([2 * nodes, 2 * nodes + 1], axis=2).reshape(len(cells), -1)
+        return np.asarray(unknowns, dtype=np.int64)
 
     def edge_nodes(self, name: str) -> IntArray:
         """Nodes of each edge of a boundary, (k, order + 1): start, (middle,) end."""

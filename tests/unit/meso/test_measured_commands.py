@@ -99,7 +99,7 @@ IDLE: dict[str, tuple[Callable[..., Result], tuple[str, ...], str]] = {
     "both files": (predict, ("--axle", "a.csv", "--wheel", "b.csv", "--levels", "4"), "--levels: is for gen"),
     "a place": (predict, ("--axle", "a.csv", "--axle-seed", "4"), "--axle-seed: the face is the middle of a.csv"),
     "another's key": (predict, ("--axle", "a.csv", "--set-wheel", "unit=um"), "--set-wheel: is for the file"),
-    "a degree in a key": (predict, ("--axle", "a.csv", "--set-axle", "degree=3"), "degree: is for remove = 'polynomial'"),
+    "a degree in a key": (predict, ("--axle", "a.csv", "--set-axle", "degree=3"), "degree: is for remove"),
     "no key": (predict, ("--axle", "a.csv", "--set-axle", "spacng=1"), "--set-axle spacng: unknown key (did"),
     "a contradiction": (predict, ("--axle", "a.csv", "--spacing", "1"), "leave the key out for this file"),
 }  # fmt: skip
